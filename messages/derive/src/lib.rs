@@ -1,0 +1,1 @@
+//! sinew-messages-derive
