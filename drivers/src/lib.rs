@@ -1,1 +1,5 @@
-//! sinew-drivers
+//! Device drivers: nodes that own a device, speak its real wire protocol and offer typed paths under `/drivers`.
+//!
+//! One folder per device model; inside it `protocol` is pure (bytes in, values out) and apart from the node.
+
+pub mod p2os;
