@@ -14,6 +14,7 @@ mod base;
 mod image;
 mod motion;
 mod node;
+mod plain;
 mod ranges;
 mod schema;
 mod truth;
@@ -23,10 +24,11 @@ pub use image::{Encoding, Image};
 pub use messages_derive::Message;
 pub use motion::{Axis, Command, CoordinatorState, FreeSectors, MotionState, Odometry, Proposal, Stop, Twist, Wish};
 pub use node::{InputCursor, NodeStatistics, StepInputs};
+pub use plain::{Message, NoTail, Plain, tail_offset};
 pub use ranges::{Beam, Echo, Ranges};
-pub use schema::{Field, JsonError, Kind, Message, Plain, Schema, SchemaError};
+pub use schema::{Element, Field, JsonError, JsonProblem, Kind, Schema, SchemaError, from_json_value, to_json_value};
 pub use truth::{Contact, ContactCause, Truth};
 
 // The derive's output names this crate; a user's crate that depends on `sinew` alone says `#[message(crate = sinew::messages)]`.
 #[doc(hidden)]
-pub use bytemuck;
+pub use {bytemuck, plain::field_bytes};

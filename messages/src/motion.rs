@@ -24,7 +24,7 @@ pub struct Odometry {
     pub y_m: f64,
     /// Heading, counter-clockwise, in (−π, π] [rad].
     pub heading_rad: f64,
-    /// Velocity in the body frame [m/s, rad/s].
+    /// Velocity in the body frame.
     pub velocity: Twist,
     /// Row-major covariance of (x, y, heading) [m², m·rad, rad²].
     pub pose_covariance: [f64; 9],
@@ -50,11 +50,11 @@ pub enum Wish {
 #[derive(Debug, Clone, Copy, PartialEq, Message)]
 #[repr(C)]
 pub struct Axis {
-    /// Wanted velocity on this axis [m/s or rad/s].
+    /// Wanted velocity on this axis [m/s, rad/s].
     pub value: f64,
-    /// Greatest magnitude allowed towards positive; +∞ when there is no cap [m/s or rad/s].
+    /// Greatest magnitude allowed towards positive; +∞ when there is no cap [m/s, rad/s].
     pub cap_positive: f64,
-    /// Greatest magnitude allowed towards negative; +∞ when there is no cap [m/s or rad/s].
+    /// Greatest magnitude allowed towards negative; +∞ when there is no cap [m/s, rad/s].
     pub cap_negative: f64,
     /// How to read `value` and `word`; see [`Wish`].
     #[message(values = "abstain exact word")]
@@ -65,8 +65,13 @@ pub struct Axis {
 
 impl Axis {
     /// No opinion, no cap.
-    pub const NONE: Axis =
-        Axis { value: 0.0, cap_positive: f64::INFINITY, cap_negative: f64::INFINITY, wish: Wish::Abstain as u32, word: 0 };
+    pub const NONE: Axis = Axis {
+        value: 0.0,
+        cap_positive: f64::INFINITY,
+        cap_negative: f64::INFINITY,
+        wish: Wish::Abstain as u32,
+        word: 0,
+    };
 
     /// Wants exactly `value`.
     pub const fn exact(value: f64) -> Axis {
@@ -123,7 +128,7 @@ pub struct FreeSectors {
 #[derive(Debug, Clone, Copy, PartialEq, Default, Message)]
 #[repr(C)]
 pub struct Command {
-    /// Velocity in the body frame [m/s, rad/s].
+    /// Velocity in the body frame.
     pub velocity: Twist,
     /// Valid for this long after the sample's stamp; afterwards the driver stops the device [s].
     pub valid_for_s: f64,
@@ -155,9 +160,9 @@ pub enum Stop {
 #[derive(Debug, Clone, Copy, PartialEq, Default, Message)]
 #[repr(C)]
 pub struct MotionState {
-    /// What the coordinator wanted [m/s, rad/s].
+    /// What the coordinator wanted.
     pub wanted: Twist,
-    /// What was sent to the driver [m/s, rad/s].
+    /// What was sent to the driver.
     pub sent: Twist,
     /// Greatest forward speed that the clear distance allows; +∞ when nothing limits it [m/s].
     pub forward_limit_m_s: f64,

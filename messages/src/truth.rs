@@ -25,7 +25,7 @@ pub struct Truth {
     pub y_m: f64,
     /// Heading in the world, counter-clockwise [rad].
     pub heading_rad: f64,
-    /// True velocity in the body frame [m/s, rad/s].
+    /// True velocity in the body frame.
     pub velocity: crate::Twist,
     /// Least distance from the footprint to anything, now [m].
     pub clearance_m: f64,
