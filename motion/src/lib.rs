@@ -1,1 +1,4 @@
-//! sinew-motion
+//! Wanted velocity to safe actuator commands.
+
+pub mod footprint;
+pub mod zone;

@@ -1,0 +1,211 @@
+//! The stop zone: how much of a wanted velocity the room along the swept footprint allows.
+//!
+//! The body goes on for the delay τ (sensing and reacting) and then brakes; all of it must end a margin short of the
+//! first contact. With T the time to contact at the wanted velocity, a share k of that velocity needs
+//! k·τ + k²/2·max(|v|/a, |ω|/α) ≤ T − margin/(|v| + |ω|·r), which for ω = 0 is the familiar
+//! v·τ + v²/2a ≤ clear − margin. r is the corner's radius: no point of the body is faster than |v| + |ω|·r.
+//!
+//! Where the wanted arc is not free, the turn is kept and the forward speed yields, because a body that turns finds its
+//! way out and a body that only brakes does not. Where even that turn would swing a corner into something, the turn
+//! yields by halves: between two door jambs the body goes straight on.
+
+use crate::footprint::{Footprint, Point, Velocity};
+
+/// What the body needs to come to rest.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Braking {
+    /// From an obstacle's appearance to the wheels' first slowing [s].
+    pub delay_s: f64,
+    /// Of the forward speed [m/s²].
+    pub deceleration_m_s2: f64,
+    /// Of the turn rate [rad/s²].
+    pub turn_deceleration_rad_s2: f64,
+    /// Room that must be left at rest [m].
+    pub margin_m: f64,
+}
+
+impl Braking {
+    /// The greatest share 0…1 of `velocity` that comes to rest before a contact `contact_s` away at full pace.
+    /// `corner_radius_m` bounds how fast a turn moves the body's outline.
+    pub fn share(&self, velocity: Velocity, contact_s: f64, corner_radius_m: f64) -> f64 {
+        let (v, w) = (velocity.forward_m_s.abs(), velocity.turn_rad_s.abs());
+        let pace_m_s = v + w * corner_radius_m;
+        if contact_s == f64::INFINITY || pace_m_s == 0.0 {
+            return 1.0;
+        }
+        let room_s = contact_s - self.margin_m / pace_m_s;
+        // Also refuses a room that is no number.
+        if room_s.is_nan() || room_s <= 0.0 {
+            return 0.0;
+        }
+        let half_brake_s = 0.5 * (v / self.deceleration_m_s2).max(w / self.turn_deceleration_rad_s2);
+        // The positive root of half_brake·k² + delay·k = room, in the form that does not cancel.
+        let delay = self.delay_s;
+        (2.0 * room_s / (delay + (delay * delay + 4.0 * half_brake_s * room_s).sqrt())).min(1.0)
+    }
+
+    /// The greatest speed that comes to rest within `clear_m` of straight way; +∞ when nothing is in it [m/s].
+    pub fn speed_limit_m_s(&self, clear_m: f64) -> f64 {
+        if clear_m == f64::INFINITY {
+            return f64::INFINITY;
+        }
+        let (a, delay) = (self.deceleration_m_s2, self.delay_s);
+        let room_m = (clear_m - self.margin_m).max(0.0);
+        a * ((delay * delay + 2.0 * room_m / a).sqrt() - delay)
+    }
+}
+
+/// What the zone made of a wanted velocity.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Allowed {
+    /// The velocity that comes to rest in time.
+    pub velocity: Velocity,
+    /// Time to contact at the wanted velocity; +∞ when nothing is in its way [s].
+    pub contact_s: f64,
+    /// Whether the zone changed the wanted velocity.
+    pub held: bool,
+}
+
+/// Time to the first contact with any of `points` at `velocity`; +∞ when there is none [s].
+pub fn first_contact_s(footprint: &Footprint, points: &[Point], velocity: Velocity) -> f64 {
+    points.iter().map(|&p| footprint.contact_s(velocity, p)).fold(f64::INFINITY, f64::min)
+}
+
+/// The velocity nearest to `wanted` that the room among `points` allows.
+pub fn allow(footprint: &Footprint, braking: &Braking, points: &[Point], wanted: Velocity) -> Allowed {
+    let radius_m = footprint.corner_radius_m();
+    let share = |velocity: Velocity| {
+        let contact_s = first_contact_s(footprint, points, velocity);
+        (braking.share(velocity, contact_s, radius_m), contact_s)
+    };
+    let (whole, contact_s) = share(wanted);
+    if whole >= 1.0 {
+        return Allowed { velocity: wanted, contact_s, held: false };
+    }
+    let mut best = wanted.scaled(whole);
+    let mut best_worth = worth(best, wanted);
+    let turns: &[f64] = if wanted.turn_rad_s == 0.0 { &[0.0] } else { &[1.0, 0.5, 0.25, 0.0] };
+    for &turn in turns {
+        let turn_rad_s = wanted.turn_rad_s * turn;
+        let mut forward_m_s = wanted.forward_m_s;
+        // A slower pace at the same turn is a tighter arc, so that its share must be asked for anew.
+        for _ in 0..3 {
+            let candidate = Velocity::new(forward_m_s, turn_rad_s);
+            let (k, _) = share(candidate);
+            if k >= 1.0 {
+                let worth = worth(candidate, wanted);
+                if worth > best_worth {
+                    (best, best_worth) = (candidate, worth);
+                }
+                break;
+            }
+            forward_m_s = if k < 0.1 { 0.0 } else { forward_m_s * k };
+        }
+    }
+    Allowed { velocity: best, contact_s, held: true }
+}
+
+/// How much of `wanted` a candidate fulfils; the turn counts twice.
+fn worth(candidate: Velocity, wanted: Velocity) -> f64 {
+    let part = |is: f64, want: f64| if want == 0.0 { 0.0 } else { is / want };
+    part(candidate.forward_m_s, wanted.forward_m_s) + 2.0 * part(candidate.turn_rad_s, wanted.turn_rad_s)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    const PIONEER: Footprint = Footprint { ahead_m: 0.21, behind_m: 0.30, half_width_m: 0.21 };
+    const BRAKING: Braking =
+        Braking { delay_s: 0.3, deceleration_m_s2: 0.3, turn_deceleration_rad_s2: 1.5, margin_m: 0.05 };
+
+    fn at(x_m: f64, y_m: f64) -> Point {
+        Point { x_m, y_m }
+    }
+
+    fn allowed(points: &[Point], v: f64, w: f64) -> Velocity {
+        allow(&PIONEER, &BRAKING, points, Velocity::new(v, w)).velocity
+    }
+
+    #[test]
+    fn an_empty_room_allows_everything() {
+        assert_eq!(allowed(&[], 0.3, 0.5), Velocity::new(0.3, 0.5));
+    }
+
+    #[test]
+    fn the_speed_falls_with_the_clear_distance_as_the_formula_says() {
+        for clear_m in [0.06, 0.1, 0.2, 0.3] {
+            let v = allowed(&[at(0.21 + clear_m, 0.0)], 0.5, 0.0).forward_m_s;
+            assert!(v * 0.3 + v * v / 0.6 <= clear_m - 0.05 + 1e-9, "{v} at {clear_m}");
+            assert!((v - BRAKING.speed_limit_m_s(clear_m)).abs() < 1e-9, "{v} at {clear_m}");
+        }
+    }
+
+    #[test]
+    fn a_wall_at_the_nose_stops_the_speed_and_leaves_the_turn() {
+        let near = [at(0.25, -0.2), at(0.25, 0.0), at(0.25, 0.2)];
+        assert!(allowed(&near, 0.3, 0.0).forward_m_s == 0.0);
+        assert!(allowed(&near, 0.3, 0.5).forward_m_s < 0.03);
+        let far = [at(0.36, -0.2), at(0.36, 0.0), at(0.36, 0.2)];
+        assert_eq!(allowed(&far, 0.3, 0.5).turn_rad_s, 0.5, "the corners clear this wall");
+    }
+
+    #[test]
+    fn between_two_jambs_fifty_centimetres_apart_the_body_goes_straight_on() {
+        let jambs = [at(-0.1, 0.25), at(-0.1, -0.25), at(0.1, 0.25), at(0.1, -0.25)];
+        assert_eq!(allowed(&jambs, 0.2, 0.0), Velocity::new(0.2, 0.0));
+        let turning = allowed(&jambs, 0.2, 0.5);
+        assert!(turning.forward_m_s >= 0.1, "goes on: {turning:?}");
+        assert!(turning.turn_rad_s < 0.3, "with a smaller turn: {turning:?}");
+    }
+
+    #[test]
+    fn backing_out_is_free_when_something_touches_the_nose() {
+        assert_eq!(allowed(&[at(0.205, 0.0)], -0.1, 0.0), Velocity::new(-0.1, 0.0));
+    }
+
+    fn somewhere() -> impl Strategy<Value = Point> {
+        (-1.0..1.0f64, -1.0..1.0f64).prop_map(|(x, y)| at(x, y))
+    }
+
+    proptest! {
+        #[test]
+        fn the_zone_only_ever_takes_away(
+            points in prop::collection::vec(somewhere(), 0..20), v in -0.5..0.5f64, w in -1.5..1.5f64,
+        ) {
+            let out = allowed(&points, v, w);
+            prop_assert!(out.is_finite());
+            prop_assert!(out.forward_m_s.abs() <= v.abs() && out.forward_m_s * v >= 0.0);
+            prop_assert!(out.turn_rad_s.abs() <= w.abs() && out.turn_rad_s * w >= 0.0);
+        }
+
+        #[test]
+        fn what_is_allowed_comes_to_rest_before_every_point(
+            points in prop::collection::vec(somewhere(), 0..20), v in -0.5..0.5f64, w in -1.5..1.5f64,
+        ) {
+            let out = allowed(&points, v, w);
+            let contact_s = first_contact_s(&PIONEER, &points, out);
+            prop_assert!(BRAKING.share(out, contact_s, PIONEER.corner_radius_m()) >= 1.0 - 1e-9);
+        }
+
+        #[test]
+        fn one_more_obstacle_never_raises_the_share_of_an_arc(
+            points in prop::collection::vec(somewhere(), 0..20), more in somewhere(), v in -0.5..0.5f64, w in -1.5..1.5f64,
+        ) {
+            let velocity = Velocity::new(v, w);
+            let share = |points: &[Point]| {
+                BRAKING.share(velocity, first_contact_s(&PIONEER, points, velocity), PIONEER.corner_radius_m())
+            };
+            let before = share(&points);
+            let mut all = points;
+            all.push(more);
+            prop_assert!(share(&all) <= before);
+        }
+
+        #[test]
+        fn the_straight_limit_grows_with_the_clear_distance(clear in 0.0..5.0f64, more in 0.0..5.0f64) {
+            prop_assert!(BRAKING.speed_limit_m_s(clear + more) >= BRAKING.speed_limit_m_s(clear));
+        }
+    }
+}
