@@ -89,7 +89,7 @@ pub fn allow(footprint: &Footprint, braking: &Braking, points: &[Point], wanted:
         let turn_rad_s = wanted.turn_rad_s * turn;
         let mut forward_m_s = wanted.forward_m_s;
         // A slower pace at the same turn is a tighter arc, so that its share must be asked for anew.
-        for _ in 0..3 {
+        for attempt in 0..4 {
             let candidate = Velocity::new(forward_m_s, turn_rad_s);
             let (k, _) = share(candidate);
             if k >= 1.0 {
@@ -99,7 +99,7 @@ pub fn allow(footprint: &Footprint, braking: &Braking, points: &[Point], wanted:
                 }
                 break;
             }
-            forward_m_s = if k < 0.1 { 0.0 } else { forward_m_s * k };
+            forward_m_s = if k < 0.1 || attempt == 2 { 0.0 } else { forward_m_s * k };
         }
     }
     Allowed { velocity: best, contact_s, held: true }
