@@ -1,5 +1,12 @@
 //! ActivMedia/MobileRobots Pioneer (P2OS, AROS, ARCOS) over a serial line, TCP or a pseudo-terminal.
 
+pub mod config;
+mod fields;
 mod framer;
 pub mod numbers;
 pub mod protocol;
+mod queue;
+pub mod session;
+pub mod sip;
+
+pub use fields::{Fields, MAX_TEXT, Text};
