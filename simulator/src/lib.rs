@@ -1,1 +1,4 @@
-//! sinew-simulator
+//! 2-D worlds, bodies and sensors that answer in the devices' wire protocols.
+
+pub mod geometry;
+pub mod world;

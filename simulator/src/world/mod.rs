@@ -1,0 +1,154 @@
+//! Worlds: what stands still, who walks about, where robots start.
+//!
+//! A world comes from a TOML file (its words are in [`file`]), from a map_server YAML with its picture, or from a
+//! BARN grids file (`grids.txt#17` chooses world 17).
+
+mod barn;
+mod bitmap;
+mod build;
+mod error;
+mod file;
+mod grid;
+mod image;
+mod map;
+mod person;
+#[cfg(test)]
+mod tests;
+
+pub use error::WorldError;
+pub use map::{Map, Nearest, Post, Wall};
+pub use person::{Course, Person, Walk};
+
+use crate::geometry::{Circle, Point, Pose, Segment};
+
+/// Where a robot may start.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Start {
+    /// The pose.
+    pub pose: Pose,
+    /// Greatest deviation along x and y, drawn from the seed [m].
+    pub spread_m: f64,
+    /// Greatest deviation of the heading, drawn from the seed [rad].
+    pub spread_rad: f64,
+}
+
+/// A closed outline with a solid inside. Its sides are among the map's walls; it is kept for drawing and to tell
+/// inside from outside.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Solid {
+    /// Its corners in order.
+    pub outline: Vec<Point>,
+}
+
+/// A whole world. It never changes while it is simulated; what moves in it is the simulation's.
+#[derive(Debug, Clone, Default)]
+pub struct World {
+    /// For people.
+    pub name: String,
+    /// What stands still.
+    pub map: Map,
+    /// Insides of obstacles.
+    pub solids: Vec<Solid>,
+    /// Who walks about.
+    pub persons: Vec<Person>,
+    /// Where robots start, in order.
+    pub starts: Vec<Start>,
+    walls: Vec<Wall>,
+    posts: Vec<Post>,
+}
+
+impl World {
+    /// Reads the world `name` with everything that it names. `load` answers a file's bytes, or why there are none.
+    pub fn load(name: &str, load: &mut dyn FnMut(&str) -> Result<Vec<u8>, String>) -> Result<World, WorldError> {
+        let (file, choice) = match name.rsplit_once('#') {
+            Some((file, choice)) => (file, Some(choice)),
+            None => (name, None),
+        };
+        let bytes = load(file)
+            .map_err(|why| WorldError::of_file(file, format!("cannot be read: {why}"), "correct the name"))?;
+        let mut world = World::default();
+        match file.rsplit_once('.').map(|(_, ending)| ending) {
+            Some("toml") => {
+                let text = std::str::from_utf8(&bytes)
+                    .map_err(|_| WorldError::of_file(file, "it is not UTF-8 text", "save it as UTF-8"))?;
+                world = build::from_toml(file, text, load)?;
+            }
+            Some("yaml" | "yml") => bitmap::add(&mut world, file, &bytes, false, load)?,
+            Some("txt") => {
+                let wanted = choice.map(str::parse).transpose().map_err(|_| {
+                    WorldError::of_file(name, "what follows # is no number", "write for example grids.txt#1")
+                })?;
+                barn::add(&mut world, file, &bytes, wanted)?;
+            }
+            _ => {
+                let remedy = "give a world (.toml), a map_server map (.yaml) or a BARN grid (.txt)";
+                return Err(WorldError::of_file(file, "this kind of file describes no world", remedy));
+            }
+        }
+        if world.name.is_empty() {
+            world.name = file.rsplit('/').next().unwrap_or(file).to_owned();
+        }
+        world.finish();
+        Ok(world)
+    }
+
+    /// A world of these obstacles alone.
+    pub fn of(walls: &[Wall], posts: &[Post]) -> World {
+        World { map: Map::new(walls, posts), ..World::default() }
+    }
+
+    /// Whether `point` lies inside an obstacle.
+    pub fn is_solid(&self, point: Point) -> bool {
+        self.map.circles().iter().any(|circle| circle.contains(point))
+            || self.solids.iter().any(|solid| solid.contains(point))
+    }
+
+    fn add_line(&mut self, segment: Segment, rough: bool) {
+        self.walls.push(Wall { segment, rough });
+    }
+
+    fn add_post(&mut self, circle: Circle, rough: bool) {
+        self.posts.push(Post { circle, rough });
+    }
+
+    fn add_solid(&mut self, solid: Solid, rough: bool) {
+        let corners = &solid.outline;
+        for (k, corner) in corners.iter().enumerate() {
+            self.walls.push(Wall { segment: Segment::new(*corner, corners[(k + 1) % corners.len()]), rough });
+        }
+        self.solids.push(solid);
+    }
+
+    /// A straight wall of that thickness about its middle line; a bare line when it has none.
+    fn add_slab(&mut self, middle: Segment, thickness_m: f64, rough: bool) {
+        if thickness_m == 0.0 {
+            return self.add_line(middle, rough);
+        }
+        let along = middle.b - middle.a;
+        let aside = along.left() * (0.5 * thickness_m / along.norm());
+        let outline = vec![middle.a - aside, middle.b - aside, middle.b + aside, middle.a + aside];
+        self.add_solid(Solid { outline }, rough);
+    }
+
+    /// Builds the index once everything has been added.
+    fn finish(&mut self) {
+        self.map = Map::new(&self.walls, &self.posts);
+        (self.walls, self.posts) = (Vec::new(), Vec::new());
+    }
+}
+
+impl Solid {
+    /// Whether `point` lies inside (crossing number).
+    pub fn contains(&self, point: Point) -> bool {
+        let corners = &self.outline;
+        let mut inside = false;
+        for (k, a) in corners.iter().enumerate() {
+            let b = corners[(k + 1) % corners.len()];
+            if (a.y_m > point.y_m) != (b.y_m > point.y_m) {
+                let x_m = a.x_m + (point.y_m - a.y_m) / (b.y_m - a.y_m) * (b.x_m - a.x_m);
+                inside ^= point.x_m < x_m;
+            }
+        }
+        inside
+    }
+}
