@@ -51,6 +51,6 @@ pub struct BaseState {
     pub packets: u32,
     /// Packets dropped for a wrong checksum.
     pub checksum_errors: u32,
-    /// Bytes skipped while hunting for a header.
+    /// Bytes skipped while hunting for a header [byte].
     pub skipped_bytes: u32,
 }

@@ -19,7 +19,7 @@ pub enum Encoding {
 }
 
 /// A picture; the tail holds its bytes, row after row (sensor_msgs/Image).
-#[derive(Debug, Clone, Copy, PartialEq, Message)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Message)]
 #[repr(C)]
 #[message(tail = u8)]
 pub struct Image {

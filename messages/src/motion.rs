@@ -15,7 +15,7 @@ pub struct Twist {
 }
 
 /// Pose in the odometry frame and velocity in the body frame (nav_msgs/Odometry, planar).
-#[derive(Debug, Clone, Copy, PartialEq, Message)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Message)]
 #[repr(C)]
 pub struct Odometry {
     /// Position ahead of where the odometry was set to zero [m].

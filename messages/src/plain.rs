@@ -107,11 +107,3 @@ impl<T: Plain, const N: usize> Plain for [T; N] {
         T::kind()
     }
 }
-
-/// Size of a field, checked. For the derive's output only.
-#[doc(hidden)]
-pub const fn field_bytes<T: Plain>() -> usize {
-    assert!(T::NESTS, "a message with a tail cannot be part of another message");
-    assert!(size_of::<T>() > 0, "an empty array or an empty message cannot be part of a message");
-    size_of::<T>()
-}

@@ -23,7 +23,7 @@ pub enum Echo {
 }
 
 /// One beam in the body frame.
-#[derive(Debug, Clone, Copy, PartialEq, Message)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Message)]
 #[repr(C)]
 pub struct Beam {
     /// Where the beam starts, ahead of the body's origin [m].
@@ -45,7 +45,7 @@ pub struct Beam {
 ///
 /// Frame: body (x forward, y left). Stamp: when the newest beam was taken. The nearest ROS 2 relatives are
 /// sensor_msgs/Range (one beam) and sensor_msgs/LaserScan.
-#[derive(Debug, Clone, Copy, PartialEq, Message)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Message)]
 #[repr(C)]
 #[message(tail = Beam)]
 pub struct Ranges {

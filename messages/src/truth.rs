@@ -36,7 +36,7 @@ pub struct Truth {
 }
 
 /// A contact that began.
-#[derive(Debug, Clone, Copy, PartialEq, Message)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Message)]
 #[repr(C)]
 pub struct Contact {
     /// Where, in the world [m].

@@ -1,7 +1,8 @@
 //! Writes the layout checks and the trait implementations.
 
-use proc_macro2::TokenStream;
+use proc_macro2::{Span, TokenStream};
 use quote::{quote, quote_spanned};
+use syn::Type;
 use syn::spanned::Spanned;
 
 use crate::parse::{Field, Message};
@@ -13,11 +14,11 @@ pub fn emit(message: &Message) -> TokenStream {
     let has_tail = tail.is_some();
     let tail_type = tail.as_ref().map_or(quote!(#krate::NoTail), |tail| quote!(#tail));
     let tail_element = match tail {
-        Some(tail) => quote_spanned!(tail.span()=> ::core::option::Option::Some(#krate::Element::of::<#tail>())),
+        Some(tail) => quote_spanned!(at(tail)=> ::core::option::Option::Some(#krate::Element::of::<#tail>())),
         None => quote!(::core::option::Option::None),
     };
     // Spanned at the struct's name: that is where a missing Clone or Copy is reported.
-    let unsafe_impls = quote_spanned! {ident.span()=>
+    let unsafe_impls = quote_spanned! {at(ident)=>
         // SAFETY: all fields are Plain, hence Zeroable; the checks below name every one of them.
         #[allow(unsafe_code, clippy::undocumented_unsafe_blocks)]
         #[automatically_derived]
@@ -61,26 +62,38 @@ pub fn emit(message: &Message) -> TokenStream {
 fn layout_checks(message: &Message) -> TokenStream {
     let Message { ident, name, krate, .. } = message;
     let fields = message.fields.iter().map(|Field { ident: field, name: field_name, ty, .. }| {
-        let why = format!(
+        let gap = format!(
             "padding before `{field_name}` of `{name}`: put wider fields first, or fill the gap with a named field"
         );
-        let at_end = quote_spanned! {field.span()=>
-            ::core::assert!(::core::mem::offset_of!(#ident, #field) == end, #why);
+        let nests = nests(krate, ty);
+        let fits = quote_spanned! {at(field)=>
+            ::core::assert!(nests, "a message with a tail cannot be part of another message");
+            ::core::assert!(size > 0, "an empty array or message cannot be part of a message");
+            ::core::assert!(::core::mem::offset_of!(#ident, #field) == end, #gap);
         };
-        let size = quote_spanned!(ty.span()=> let end = end + #krate::field_bytes::<#ty>(););
-        quote!(#at_end #size)
+        quote! {
+            let (nests, size) = (#nests, ::core::mem::size_of::<#ty>());
+            #fits
+            let end = end + size;
+        }
     });
-    let behind = format!("padding behind the last field of `{name}`: fill the gap with a named field");
-    let align = format!("`{name}` is aligned to more than 8 bytes, as no slot of a channel is");
-    let whole = quote_spanned! {ident.span()=>
-        ::core::assert!(::core::mem::size_of::<#ident>() == end, #behind);
+    let gap = format!("padding behind the last field of `{name}`: fill the gap with a named field");
+    let align = format!("`{name}` or its tail is aligned to more than 8 bytes, as no slot of a channel is");
+    let whole = quote_spanned! {at(ident)=>
+        ::core::assert!(::core::mem::size_of::<#ident>() == end, #gap);
         ::core::assert!(::core::mem::align_of::<#ident>() <= 8, #align);
     };
     let tail = message.tail.as_ref().map(|tail| {
-        let align = format!("the tail of `{name}` is aligned to more than 8 bytes, as no slot of a channel is");
-        quote_spanned! {tail.span()=>
-            let _ = #krate::field_bytes::<#tail>();
-            ::core::assert!(::core::mem::align_of::<#tail>() <= 8, #align);
+        let nests = nests(krate, tail);
+        let fits = quote_spanned! {at(ident)=>
+            ::core::assert!(nests, "a message with a tail cannot be the tail of another message");
+            ::core::assert!(size > 0, "an empty array or message cannot be a tail's element");
+            ::core::assert!(align <= 8, #align);
+        };
+        quote! {
+            let (nests, size, align) =
+                (#nests, ::core::mem::size_of::<#tail>(), ::core::mem::align_of::<#tail>());
+            #fits
         }
     });
     quote! {
@@ -93,6 +106,11 @@ fn layout_checks(message: &Message) -> TokenStream {
     }
 }
 
+/// Whether a type may be a field or tail; where it is not even plain data, the error points to the type.
+fn nests(krate: &TokenStream, ty: &Type) -> TokenStream {
+    quote_spanned!(at(ty)=> <#ty as #krate::Plain>::NESTS)
+}
+
 fn describe(message: &Message, field: &Field) -> TokenStream {
     let Message { ident: owner, krate, .. } = message;
     let Field { ident, name, ty, doc, unit, values } = field;
@@ -100,7 +118,12 @@ fn describe(message: &Message, field: &Field) -> TokenStream {
         Some(unit) => quote!(::core::option::Option::Some(#unit)),
         None => quote!(::core::option::Option::None),
     };
-    quote_spanned! {ty.span()=>
+    quote_spanned! {at(ty)=>
         #krate::Field::of::<#ty>(#name, ::core::mem::offset_of!(#owner, #ident), #unit, &[#(#values),*], #doc)
     }
+}
+
+/// Errors are shown at this place, but names mean what they mean in this macro: the place may be in another macro.
+fn at(place: &impl Spanned) -> Span {
+    Span::call_site().located_at(place.span())
 }

@@ -53,7 +53,7 @@ impl Schema {
     fn push(&self, value: &Value, fixed: &mut Vec<u8>, tail: &mut Vec<u8>) -> Result<(), JsonError> {
         push_fields(self, value, fixed)?;
         let Some(element) = &self.tail else { return Ok(()) };
-        let expected = || format!("an array of {}", expectation(&element.kind, element.count, None, &[]));
+        let expected = || format!("an array, each element {}", expectation(&element.kind, element.count, None, &[]));
         let items = match value.get("tail") {
             Some(Value::Array(items)) => items,
             Some(other) => {
@@ -61,9 +61,9 @@ impl Schema {
             }
             None => return Err(JsonError::at("tail", JsonProblem::Missing { expected: expected() })),
         };
+        let anonymous =
+            Field { kind: element.kind.clone(), count: element.count, ..Field::of::<u8>("", 0, None, &[], "") };
         for (index, item) in items.iter().enumerate() {
-            let anonymous =
-                Field { kind: element.kind.clone(), count: element.count, ..Field::of::<u8>("", 0, None, &[], "") };
             push_all(&anonymous, item, tail).map_err(|error| error.within(&format!("[{index}]")).within("tail"))?;
         }
         Ok(())

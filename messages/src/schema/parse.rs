@@ -1,5 +1,7 @@
 //! Reads a schema's text. The text may come from anybody: every claim is checked before it is believed.
 
+use std::collections::HashSet;
+
 use serde_json::Value;
 
 use super::{Element, Field, Kind, Schema};
@@ -134,6 +136,7 @@ fn read_schema(place: &Place, depth: usize) -> Result<Schema, SchemaError> {
         tail: None,
         doc: place.get("doc").map_or(Ok(String::new()), |doc| doc.line())?,
     };
+    let mut names = HashSet::new();
     let mut end = 0;
     for item in place.need("fields")?.items()? {
         let field = read_field(&item, depth)?;
@@ -145,7 +148,7 @@ fn read_schema(place: &Place, depth: usize) -> Result<Schema, SchemaError> {
         if end > schema.size {
             return Err(item.wrong(format!("ends at {end}, beyond the struct's size {}", schema.size)));
         }
-        if schema.fields.iter().any(|other| other.name == field.name) {
+        if !names.insert(field.name.clone()) {
             return Err(item.wrong(format!("a second field has the name \"{}\"", field.name)));
         }
         schema.fields.push(field);
@@ -157,7 +160,7 @@ fn read_schema(place: &Place, depth: usize) -> Result<Schema, SchemaError> {
         if depth > 0 {
             return Err(tail.wrong("only the outermost struct may have a tail"));
         }
-        if schema.fields.iter().any(|field| field.name == "tail") {
+        if names.contains("tail") {
             return Err(tail.wrong("there is a field with the name \"tail\" too"));
         }
         let (kind, count) = read_type(&tail, depth)?;
@@ -168,12 +171,13 @@ fn read_schema(place: &Place, depth: usize) -> Result<Schema, SchemaError> {
 
 fn read_field(place: &Place, depth: usize) -> Result<Field, SchemaError> {
     let (kind, count) = read_type(place, depth)?;
-    let mut values: Vec<String> = Vec::new();
+    let mut values = Vec::new();
     if let Some(list) = place.get("values") {
+        let mut names = HashSet::new();
         for item in list.items()? {
             let value = item.name()?;
-            if values.contains(&value) {
-                return Err(item.wrong("is there twice"));
+            if !names.insert(value.clone()) {
+                return Err(item.wrong(format!("\"{value}\" is there twice")));
             }
             values.push(value);
         }

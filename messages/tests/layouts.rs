@@ -1,0 +1,134 @@
+//! Layouts are a promise to recordings and to other languages.
+#![allow(clippy::unwrap_used, reason = "a test fails by panicking, also in its helpers")]
+
+mod shipped;
+
+use std::fmt::Debug;
+use std::fs;
+use std::path::Path;
+
+use messages::{ContactCause, Echo, Encoding, Field, Kind, Link, Message, Schema, Stop, Wish};
+use shipped::every_message;
+
+/// Name, size of the fixed part [byte] and layout hash of every shipped message, by name.
+const LAYOUTS: &[(&str, usize, u64)] = &[
+    ("Axis", 32, 0xbc02_7dd5_ac3d_9736),
+    ("BaseState", 64, 0x306b_2454_e681_b2eb),
+    ("Beam", 24, 0x7d41_2096_9ad8_e1e6),
+    ("Command", 40, 0x5e00_ce3a_2767_8168),
+    ("Contact", 32, 0xdbba_cb0a_b290_8f39),
+    ("CoordinatorState", 40, 0xdcf1_414a_1e80_6ca4),
+    ("FreeSectors", 152, 0x26eb_558f_ca03_54ee),
+    ("Image", 16, 0x02d8_cfcb_2b36_d86e),
+    ("InputCursor", 24, 0x227a_bb76_0826_6ab4),
+    ("MotionState", 80, 0x57a0_4d41_0698_3892),
+    ("NodeStatistics", 136, 0x323f_6fe8_ab13_ece3),
+    ("Odometry", 200, 0xd236_4438_8487_504c),
+    ("Proposal", 112, 0x1b8f_7b10_6048_5186),
+    ("Ranges", 16, 0xd40a_7f3b_a98d_f009),
+    ("StepInputs", 24, 0xb0c8_3fef_6ecb_4963),
+    ("Truth", 88, 0x7d1a_fa5b_7340_174b),
+    ("Twist", 24, 0x0c66_3de7_b0de_9fd9),
+];
+
+fn schema<M: Message>() -> Schema {
+    M::schema()
+}
+
+#[test]
+fn no_layout_changes_by_accident() {
+    let schemas = every_message!(schema);
+    for schema in &schemas {
+        let (name, size, hash) = (schema.name.as_str(), schema.size, schema.hash());
+        assert!(
+            LAYOUTS.contains(&(name, size, hash)),
+            "layout of {name} changed: recordings and other languages depend on it; update the table and CHANGELOG if meant: \
+             (\"{name}\", {size}, {hash:#018x})"
+        );
+    }
+    assert_eq!(schemas.len(), LAYOUTS.len(), "the table has a message that is no longer shipped");
+}
+
+#[test]
+fn the_table_has_every_message_of_the_crate() {
+    let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
+    let texts = fs::read_dir(source).unwrap().map(|entry| entry.unwrap().path()).filter(|path| path.is_file());
+    let derived: usize = texts.map(|path| fs::read_to_string(path).unwrap().matches(", Message)]").count()).sum();
+    assert_eq!(derived, LAYOUTS.len(), "add new messages to tests/shipped and to the table");
+}
+
+#[test]
+fn the_constants_of_a_message_agree_with_its_schema() {
+    fn agrees<M: Message>() -> bool {
+        let schema = M::schema();
+        let tail_bytes = schema.tail.as_ref().map_or(1, |tail| tail.size());
+        (M::NAME, size_of::<M>(), M::HAS_TAIL, size_of::<M::Tail>(), M::layout_hash())
+            == (&schema.name, schema.size, schema.tail.is_some(), tail_bytes, schema.hash())
+    }
+    assert_eq!(every_message!(agrees), [true; LAYOUTS.len()]);
+}
+
+#[test]
+fn every_schema_reads_back_from_its_text() {
+    for schema in every_message!(schema) {
+        assert_eq!(Schema::from_text(&schema.to_text()), Ok(schema));
+    }
+}
+
+#[test]
+fn the_name_of_a_shipped_field_says_its_unit() {
+    let suffixes = [
+        ("m", "_m"),
+        ("m/s", "_m_s"),
+        ("rad", "_rad"),
+        ("rad/s", "_rad_s"),
+        ("s", "_s"),
+        ("ns", "_ns"),
+        ("V", "_v"),
+        ("px", "_px"),
+        ("byte", "_bytes"),
+    ];
+    for schema in every_message!(schema) {
+        for field in schema.fields.iter().filter(|field| !matches!(field.kind, Kind::Struct(_))) {
+            let of_name = suffixes
+                .iter()
+                .filter(|(_, suffix)| field.name.ends_with(suffix))
+                .max_by_key(|(_, suffix)| suffix.len());
+            let named = of_name.map(|(unit, _)| *unit);
+            // Mixed units are listed with commas and cannot be part of a name.
+            let stated = field.unit.as_deref().filter(|unit| !unit.contains(','));
+            assert_eq!(named, stated, "{}.{}", schema.name, field.name);
+            assert!(!field.doc.is_empty(), "{}.{} says nothing about itself", schema.name, field.name);
+        }
+    }
+}
+
+#[test]
+fn the_names_in_the_schemas_are_those_of_the_enums() {
+    use {ContactCause::*, Echo::*};
+    check::<messages::Beam, _>("echo", [Echo::None, Value, Clear, TooNear, Off, LinkLost, Fault], |echo| echo as u64);
+    let link = [Link::Connecting, Link::Up, Link::NoPort, Link::Silent, Link::Lost, Link::Foreign];
+    check::<messages::BaseState, _>("link", link, |link| link as u64);
+    let encoding = [Encoding::Mono8, Encoding::Rgb8, Encoding::Bgr8, Encoding::Yuyv, Encoding::Jpeg];
+    check::<messages::Image, _>("encoding", encoding, |encoding| encoding as u64);
+    check::<messages::Axis, _>("wish", [Wish::Abstain, Wish::Exact, Wish::Word], |wish| wish as u64);
+    let stop = [Stop::None, Stop::StaleVelocity, Stop::Blind, Stop::Zone, Stop::Bumper, Stop::Stall, Stop::Base];
+    check::<messages::MotionState, _>("stop", stop, |stop| stop as u64);
+    check::<messages::Contact, _>("cause", [Drove, ReversedBlind, Suffered], |cause| cause as u64);
+
+    fn check<M: Message, E: Debug + Copy>(field: &str, variants: impl IntoIterator<Item = E>, number: fn(E) -> u64) {
+        let schema = M::schema();
+        let field: &Field = schema.fields.iter().find(|candidate| candidate.name == field).unwrap();
+        let mut count = 0;
+        for variant in variants {
+            let words = format!("{variant:?}");
+            let snake = words.char_indices().fold(String::new(), |snake, (index, letter)| {
+                let gap = if index > 0 && letter.is_uppercase() { "_" } else { "" };
+                format!("{snake}{gap}{}", letter.to_ascii_lowercase())
+            });
+            assert_eq!(field.values[number(variant) as usize], snake);
+            count += 1;
+        }
+        assert_eq!(field.values.len(), count, "{} of {} has values without a variant", field.name, schema.name);
+    }
+}
