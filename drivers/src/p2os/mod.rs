@@ -3,6 +3,7 @@
 pub mod config;
 mod fields;
 mod framer;
+pub mod model;
 pub mod numbers;
 pub mod protocol;
 mod queue;
