@@ -108,10 +108,11 @@ impl RawReader {
         (oldest..=newest).rev().find(|&sequence| self.stamp(sequence).is_ok_and(|sample| sample.stamp_ns <= stamp_ns))
     }
 
-    /// Whether a successor has taken the path over, or the channel was removed: open it again. One load.
+    /// Whether this ring is over: a successor has taken the path, the channel was removed, or its file was damaged.
+    /// Open the path again. Three loads.
     #[inline]
     pub fn retired(&self) -> bool {
-        self.image.retired() != 0
+        self.image.retired() != 0 || !self.image.sound()
     }
 
     /// Whether the file has lost its name without a word in it, by a foreign hand. A system call: ask now and then.

@@ -27,9 +27,9 @@ impl SampleBuffer {
     /// Room for a sample of a channel of this geometry. A geometry that no channel can have gets no room, and no
     /// channel reads into it.
     pub fn new(geometry: &Geometry) -> SampleBuffer {
-        let shape = geometry.shape().ok();
-        let words = shape.map_or(0, |shape| shape.fixed_words + shape.tail_bytes.div_ceil(8));
-        SampleBuffer { words: vec![0; words].into(), fixed_bytes: geometry.fixed_bytes, tail_bytes: 0 }
+        let room = |shape: Shape| (shape.fixed_words + shape.tail_bytes.div_ceil(8), shape.fixed_bytes);
+        let (words, fixed_bytes) = geometry.shape().map_or((0, 0), room);
+        SampleBuffer { words: vec![0; words].into(), fixed_bytes, tail_bytes: 0 }
     }
 
     /// The message without its tail, aligned to 8.
