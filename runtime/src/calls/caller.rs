@@ -1,0 +1,326 @@
+//! Calls that a node makes: a step starts one, later steps look how it stands.
+
+use std::marker::PhantomData;
+use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
+
+use messages::Message;
+use messages::bytemuck::{bytes_of, bytes_of_mut};
+
+use super::refusal::Reason;
+use super::stage::Shape;
+use super::target::Target;
+use crate::Time;
+use crate::pump::Waker;
+
+/// Number of a call, from 1, counted by its caller.
+pub type CallId = u64;
+
+/// How a call stands. The last state of a call is given once; afterwards the caller is `Idle`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum CallState<A> {
+    /// No call is under way.
+    Idle,
+    /// Under way: no word from the node yet.
+    Pending,
+    /// The node has accepted the long order and works on it; the timeout no longer counts.
+    Running,
+    /// Done.
+    Answered(A),
+    /// Not begun; the reason says why.
+    Refused(Reason),
+    /// The order was begun and could not be done.
+    Failed(Reason),
+    /// Cancelled.
+    Cancelled,
+    /// The node is not there.
+    Lost(Loss),
+    /// No answer within the timeout.
+    TimedOut,
+}
+
+/// How a node can be missing.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+pub enum Loss {
+    /// It does not run.
+    #[error("the node does not run")]
+    NotRunning,
+    /// It ended during the call: whether it did what was asked is not known.
+    #[error("the node ended during the call")]
+    Died,
+}
+
+/// One call at a time from this node to one command of another, wired by the robot file.
+///
+/// Nothing here waits or allocates: the pump does the talking. So two nodes may call each other.
+#[derive(Debug)]
+pub struct Caller<Q, A> {
+    line: Arc<CallLine>,
+    last: CallId,
+    current: Option<Current>,
+    next: Option<Next<Q>>,
+    cancel: bool,
+    /// Layout hash of the progress messages that are wanted; 0: none.
+    progress_hash: u64,
+    messages: PhantomData<fn(Q) -> A>,
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Current {
+    id: CallId,
+    deadline: Time,
+    running: bool,
+}
+
+/// A call that the pump has not been handed yet.
+#[derive(Debug, Clone, Copy)]
+struct Next<Q> {
+    head: CallHead,
+    message: Q,
+}
+
+impl<Q: Message, A: Message> Caller<Q, A> {
+    /// A caller of `target`, mute until a pump or a simulated host serves it.
+    pub fn detached(target: Target) -> Caller<Q, A> {
+        let line = Arc::new(CallLine::new(target, Shape::of::<Q>(), Shape::of::<A>()));
+        Caller { line, last: 0, current: None, next: None, cancel: false, progress_hash: 0, messages: PhantomData }
+    }
+
+    /// The same caller, for an order whose progress messages `P` are wanted. For `open`: it allocates.
+    #[must_use]
+    pub fn with_progress<P: Message>(mut self) -> Caller<Q, A> {
+        self.progress_hash = P::layout_hash();
+        self
+    }
+
+    pub(crate) fn line(&self) -> &Arc<CallLine> {
+        &self.line
+    }
+
+    /// Calls; the node has `timeout_s` to answer (to accept, if it is a long order). A call that is still under way
+    /// is cancelled.
+    pub fn start(&mut self, now: Time, request: &Q, priority: u8, timeout_s: f64) -> CallId {
+        self.last += 1;
+        let head = CallHead { id: self.last, priority, deadline: now.after_s(timeout_s) };
+        self.current = Some(Current { id: head.id, deadline: head.deadline, running: false });
+        self.next = Some(Next { head, message: *request });
+        self.cancel = false;
+        self.hand_over();
+        self.last
+    }
+
+    /// Asks the node to stop what was ordered; `poll` goes on until it has said how it ended.
+    pub fn cancel(&mut self) {
+        if self.current.is_some() {
+            self.cancel = true;
+            self.hand_over();
+        }
+    }
+
+    /// How the call stands at `now`.
+    pub fn poll(&mut self, now: Time) -> CallState<A> {
+        self.hand_over();
+        let Some(current) = &mut self.current else { return CallState::Idle };
+        let mut answer = A::zeroed();
+        let mut end = None;
+        if let Some(mut desk) = self.line.try_desk()
+            && desk.news.id == current.id
+        {
+            current.running |= desk.news.accepted;
+            end = desk.news.end.take();
+            if end == Some(CallEnd::Answered) {
+                let bytes = bytes_of_mut(&mut answer);
+                let length = bytes.len().min(desk.news.answer.len());
+                bytes[..length].copy_from_slice(&desk.news.answer[..length]);
+            }
+        }
+        let state = match end {
+            Some(CallEnd::Answered) => CallState::Answered(answer),
+            Some(CallEnd::Refused(reason)) => CallState::Refused(reason),
+            Some(CallEnd::Failed(reason)) => CallState::Failed(reason),
+            Some(CallEnd::Cancelled) => CallState::Cancelled,
+            Some(CallEnd::Lost(loss)) => CallState::Lost(loss),
+            Some(CallEnd::TimedOut) => CallState::TimedOut,
+            None if current.running => return CallState::Running,
+            None if now < current.deadline => return CallState::Pending,
+            None => {
+                // The node may still accept in this moment: it must not work for nobody.
+                self.cancel = true;
+                self.hand_over();
+                CallState::TimedOut
+            }
+        };
+        self.current = None;
+        state
+    }
+
+    /// The newest progress message of the running order, if one has come since the last time. Needs
+    /// [`with_progress`](Caller::with_progress) for the same `P`.
+    pub fn progress<P: Message>(&mut self) -> Option<P> {
+        let current = self.current?;
+        let mut desk = self.line.try_desk()?;
+        let news = &mut desk.news;
+        if news.id != current.id
+            || !news.reported
+            || news.progress_hash != self.progress_hash
+            || news.progress.len() != size_of::<P>()
+        {
+            return None;
+        }
+        news.reported = false;
+        let mut progress = P::zeroed();
+        bytes_of_mut(&mut progress).copy_from_slice(&news.progress);
+        Some(progress)
+    }
+
+    /// Gives the pump what it has not been given yet, unless it is busy with the line: then the next poll does.
+    fn hand_over(&mut self) {
+        if self.next.is_none() && !self.cancel {
+            return;
+        }
+        let Some(mut desk) = self.line.try_desk() else { return };
+        if let Some(next) = self.next.take() {
+            desk.request = Some(next.head);
+            desk.body.copy_from_slice(bytes_of(&next.message));
+            desk.news.begin(next.head.id);
+        }
+        if std::mem::take(&mut self.cancel) {
+            desk.cancel = Some(self.last);
+        }
+        drop(desk);
+        self.line.wake_pump();
+    }
+}
+
+/// What the step and the pump share of one caller.
+#[derive(Debug)]
+pub(crate) struct CallLine {
+    pub target: Target,
+    pub request: Shape,
+    pub answer: Shape,
+    desk: Mutex<CallDesk>,
+    waker: OnceLock<Waker>,
+}
+
+/// What a call is beside its message.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct CallHead {
+    pub id: CallId,
+    pub priority: u8,
+    pub deadline: Time,
+}
+
+/// How a call ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum CallEnd {
+    Answered,
+    Refused(Reason),
+    Failed(Reason),
+    Cancelled,
+    Lost(Loss),
+    TimedOut,
+}
+
+#[derive(Debug)]
+struct CallDesk {
+    request: Option<CallHead>,
+    body: Box<[u8]>,
+    cancel: Option<CallId>,
+    news: CallNews,
+}
+
+#[derive(Debug)]
+struct CallNews {
+    id: CallId,
+    accepted: bool,
+    reported: bool,
+    progress_hash: u64,
+    progress: Vec<u8>,
+    end: Option<CallEnd>,
+    answer: Box<[u8]>,
+}
+
+impl CallNews {
+    fn begin(&mut self, id: CallId) {
+        self.id = id;
+        self.accepted = false;
+        self.reported = false;
+        self.end = None;
+    }
+}
+
+impl CallLine {
+    fn new(target: Target, request: Shape, answer: Shape) -> CallLine {
+        let news = CallNews {
+            id: 0,
+            accepted: false,
+            reported: false,
+            progress_hash: 0,
+            progress: Vec::new(),
+            end: None,
+            answer: vec![0; answer.bytes].into(),
+        };
+        let desk = CallDesk { request: None, body: vec![0; request.bytes].into(), cancel: None, news };
+        CallLine { target, request, answer, desk: Mutex::new(desk), waker: OnceLock::new() }
+    }
+
+    /// How the step wakes the pump. False when a pump has it already.
+    pub fn attach(&self, waker: Waker) -> bool {
+        self.waker.set(waker).is_ok()
+    }
+
+    fn wake_pump(&self) {
+        if let Some(waker) = self.waker.get() {
+            waker.wake();
+        }
+    }
+
+    /// Step: the desk, unless the pump is at it.
+    fn try_desk(&self) -> Option<MutexGuard<'_, CallDesk>> {
+        self.desk.try_lock().ok()
+    }
+
+    fn desk(&self) -> MutexGuard<'_, CallDesk> {
+        self.desk.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Pump: the call that the step wants, with its body, once.
+    pub fn fetch(&self) -> Option<(CallHead, Vec<u8>)> {
+        let mut desk = self.desk();
+        let head = desk.request.take()?;
+        Some((head, desk.body.to_vec()))
+    }
+
+    /// Pump: the call that the step no longer wants, once.
+    pub fn fetch_cancel(&self) -> Option<CallId> {
+        self.desk().cancel.take()
+    }
+
+    /// Pump: the order has been accepted.
+    pub fn accepted(&self, id: CallId) {
+        let mut desk = self.desk();
+        if desk.news.id == id {
+            desk.news.accepted = true;
+        }
+    }
+
+    /// Pump: the newest progress.
+    pub fn progress(&self, id: CallId, hash: u64, body: &[u8]) {
+        let news = &mut self.desk().news;
+        if news.id == id {
+            news.progress.clear();
+            news.progress.extend_from_slice(body);
+            news.progress_hash = hash;
+            news.reported = true;
+        }
+    }
+
+    /// Pump: the call is over; `body` is the answer message when it was answered.
+    pub fn ended(&self, id: CallId, end: CallEnd, body: &[u8]) {
+        let news = &mut self.desk().news;
+        if news.id == id && news.end.is_none() {
+            let length = body.len().min(news.answer.len());
+            news.answer[..length].copy_from_slice(&body[..length]);
+            news.end = Some(end);
+        }
+    }
+}
