@@ -16,7 +16,7 @@ pub struct NodeStatistics {
     pub faults: u64,
     /// Samples lost on all inputs because the node was slower than their writers.
     pub dropped: u64,
-    /// Release lateness: median, 99 %, 99.9 % and greatest [s].
+    /// Release lateness (from the grid, or from the stamp of the releasing sample): median, 99 %, 99.9 % and greatest [s].
     pub lateness_s: [f64; 4],
     /// Execution time of a step: median, 99 %, 99.9 % and greatest [s].
     pub execution_s: [f64; 4],

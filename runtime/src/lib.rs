@@ -1,6 +1,32 @@
 //! The runtime: paths, channels, calls, nodes, the robot file, and the two hosts that run the same nodes.
 
+mod bench;
+pub mod calls;
+pub mod channel;
+pub mod clock;
+pub mod device;
+mod host;
+pub mod live;
 pub mod math;
+mod node;
+pub mod path;
+mod ports;
+pub mod pump;
+pub mod realtime;
+pub mod robot;
+pub mod schedule;
+mod simulated;
+mod statistics;
+mod sys;
 mod time;
 
+pub use bench::{Bench, BenchBuilder};
+pub use calls::{CallPort, Caller, OrderPort, Request};
+pub use device::Device;
+pub use node::{AnyNode, Fault, Node, NodeType, OpenError};
+pub use path::Layer;
+pub use ports::{Declaration, PortKind, Ports, Reader, Sample, Set, Writer};
+pub use robot::Body;
+pub use simulated::{ExecutionModel, SimulatedHost, Stepped};
+pub use statistics::{Statistics, StepTimes};
 pub use time::Time;

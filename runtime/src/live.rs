@@ -1,0 +1,346 @@
+//! The live host: the nodes of one process, a thread each, on the real clock, over shared memory.
+//!
+//! Between steps a node's thread sleeps in one wait on its triggers and its private word; it uses no CPU while nothing
+//! comes. Opening of new rings, publishing of statistics and logging happen between steps, after the outputs are out.
+
+use crate::calls::StepWatch;
+use crate::channel::{Claim, PrivateWord, Tree, Waiter};
+use crate::clock;
+use crate::host::Running;
+use crate::node::OpenError;
+use crate::ports::{Devices, Input, Ports};
+use crate::pump::{Arrival, Notifier, Pump, PumpBuilder};
+use crate::realtime::{self, Grants};
+use crate::robot::{NodeSpec, Robot, open_declared};
+use crate::sys;
+use crate::time::Time;
+use std::path::PathBuf;
+use std::rc::Rc;
+use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
+use std::sync::{Arc, Barrier, Mutex};
+
+/// How the nodes of a process are run.
+#[derive(Debug, Clone)]
+pub struct LiveOptions {
+    /// The robot's folder of channels.
+    pub root: PathBuf,
+    /// Seed of the run.
+    pub seed: u64,
+    /// The supervisor: when it dies the nodes stop by themselves.
+    pub supervisor: Option<u32>,
+    /// Take the written paths from a predecessor that merely hangs.
+    pub fence: bool,
+}
+
+/// Why a process of nodes could not run or ended.
+#[derive(Debug, thiserror::Error)]
+pub enum LiveError {
+    /// A node could not be opened.
+    #[error("node {instance}: {source}")]
+    Open {
+        /// Which.
+        instance: String,
+        /// Why.
+        source: OpenError,
+    },
+    /// There is no such node.
+    #[error("robot \"{robot}\" has no node {instance}")]
+    Unknown {
+        /// The robot.
+        robot: String,
+        /// The node asked for.
+        instance: String,
+    },
+    /// The channels' folder cannot be used.
+    #[error("{0}")]
+    Tree(String),
+    /// A thread could not be started, or ended in a panic.
+    #[error("node {instance}: {reason}")]
+    Thread {
+        /// Which.
+        instance: String,
+        /// Why.
+        reason: String,
+    },
+}
+
+/// Stack of a node's thread: enough for any step that keeps its arrays in its struct [byte].
+const STACK_BYTES: usize = 256 * 1024;
+/// How often a node publishes how it keeps time [s].
+const STATISTICS_S: f64 = 1.0;
+/// How often a node looks for rings that were absent [s].
+const REBIND_S: f64 = 0.25;
+
+/// Words to bump when the process is asked to stop.
+static WORDS: Mutex<Vec<PrivateWord>> = Mutex::new(Vec::new());
+
+/// The stop signal's handler may not take a lock: the words are leaked into this list before signals are caught.
+static STOP_WORDS: std::sync::OnceLock<Vec<PrivateWord>> = std::sync::OnceLock::new();
+
+fn wake_all() {
+    for word in STOP_WORDS.get().into_iter().flatten() {
+        word.bump();
+    }
+}
+
+/// Runs the nodes `paths` ("/layer/instance") of `robot` in this process until it is asked to stop. `ready` runs when
+/// all have started.
+pub fn run(
+    robot: &Robot,
+    paths: &[String],
+    options: &LiveOptions,
+    ready: impl FnOnce(&[Grants]),
+) -> Result<(), LiveError> {
+    let mut specs = Vec::new();
+    for path in paths {
+        match robot.nodes.iter().find(|spec| spec.path() == *path) {
+            Some(spec) => specs.push(spec.clone()),
+            None => return Err(LiveError::Unknown { robot: robot.name.clone(), instance: path.clone() }),
+        }
+    }
+    let words: Vec<PrivateWord> = specs.iter().map(|_| PrivateWord::new()).collect();
+    WORDS.lock().unwrap_or_else(|e| e.into_inner()).extend(words.iter().cloned());
+    let _ = STOP_WORDS.set(words.clone());
+    sys::catch_stop_signals(wake_all);
+    let barrier = Arc::new(Barrier::new(specs.len() + 1));
+    let grants = Arc::new(Mutex::new(Vec::new()));
+    let failed = Arc::new(Mutex::new(None));
+    let mut threads = Vec::new();
+    for (spec, word) in specs.into_iter().zip(words) {
+        let (robot, options, barrier) = (robot.clone(), options.clone(), barrier.clone());
+        let (grants, failed) = (grants.clone(), failed.clone());
+        let instance = spec.instance.clone();
+        let body = move || {
+            let started = NodeThread::start(&robot, &spec, &options, word);
+            match &started {
+                Ok(thread) => grants.lock().unwrap_or_else(|e| e.into_inner()).push(thread.grants.clone()),
+                Err(_) => sys::request_stop(),
+            }
+            barrier.wait();
+            match started {
+                Ok(thread) => thread.run(),
+                Err(e) => *failed.lock().unwrap_or_else(|e| e.into_inner()) = Some(e),
+            }
+        };
+        let thread = std::thread::Builder::new().name(instance.clone()).stack_size(STACK_BYTES).spawn(body);
+        let thread = thread.map_err(|e| LiveError::Thread { instance: instance.clone(), reason: e.to_string() })?;
+        threads.push((instance, thread));
+    }
+    barrier.wait();
+    if !sys::stop_requested() {
+        ready(&grants.lock().unwrap_or_else(|e| e.into_inner()));
+    }
+    for (instance, thread) in threads {
+        if thread.join().is_err() {
+            // The other nodes of this process end with it: they share its fate by the robot file's wish.
+            sys::request_stop();
+            return Err(LiveError::Thread { instance, reason: "its step panicked".into() });
+        }
+    }
+    match failed.lock().unwrap_or_else(|e| e.into_inner()).take() {
+        Some(e) => Err(e),
+        None => Ok(()),
+    }
+}
+
+/// Starts the node's waiting thread, one priority above its step, so that no caller waits for a step.
+fn spawn_pump(
+    ports: &mut Ports,
+    spec: &NodeSpec,
+    robot: &Robot,
+    options: &LiveOptions,
+    notifier: Notifier,
+) -> Result<(Pump, Arc<StepWatch>), OpenError> {
+    let mut pump = std::mem::replace(&mut ports.pump, PumpBuilder::new(&spec.path()));
+    pump.notify(notifier);
+    let (realtime, priority, path) = (robot.realtime, spec.priority + 1, spec.path());
+    pump.on_start(move || {
+        let grants = realtime::apply(&realtime, priority, &format!("{path} pump"));
+        if grants.refused() {
+            eprintln!("{grants}");
+        }
+    });
+    if options.fence {
+        pump.take_over();
+    }
+    if let Some(supervisor) = options.supervisor
+        && let Some(process) = rustix::process::Pid::from_raw(supervisor as i32)
+    {
+        match rustix::process::pidfd_open(process, rustix::process::PidfdFlags::empty()) {
+            Ok(descriptor) => pump.watch_process(descriptor, sys::request_stop),
+            // It is gone already: nobody would stop this node.
+            Err(_) => sys::request_stop(),
+        }
+    }
+    let step_watch = pump.step_watch();
+    let pump = pump.spawn(&options.root).map_err(|e| OpenError::Device { reason: e.to_string() })?;
+    Ok((pump, step_watch))
+}
+
+/// What has come from the pump since the last look.
+#[derive(Default)]
+struct Arrivals {
+    /// A bit per kind.
+    kinds: AtomicU32,
+    /// When the newest came [ns].
+    at_ns: AtomicU64,
+}
+
+/// One node on its thread.
+struct NodeThread {
+    instance: String,
+    running: Running,
+    tree: Tree,
+    word: PrivateWord,
+    arrivals: Arc<Arrivals>,
+    triggers: Vec<Rc<Input>>,
+    device_trigger: bool,
+    pump: Pump,
+    step_watch: Arc<StepWatch>,
+    grants: Grants,
+    rebind: Time,
+    last_fault: Option<crate::Fault>,
+}
+
+impl NodeThread {
+    fn start(
+        robot: &Robot,
+        spec: &NodeSpec,
+        options: &LiveOptions,
+        word: PrivateWord,
+    ) -> Result<NodeThread, LiveError> {
+        let instance = spec.instance.clone();
+        let fail = |source: OpenError| LiveError::Open { instance: instance.clone(), source };
+        let tree = Tree::shared(&options.root).map_err(|e| LiveError::Tree(e.to_string()))?;
+        let place = Devices::Live(options.root.clone());
+        let mut opened = open_declared(robot, spec, options.seed, place).map_err(fail)?;
+        let claim = if options.fence { Claim::Fence } else { Claim::Continue };
+        opened.ports.bind(&tree, claim).map_err(fail)?;
+        let arrivals = Arc::new(Arrivals::default());
+        let notifier: Notifier = {
+            let (arrivals, word) = (arrivals.clone(), word.clone());
+            Arc::new(move |arrival| {
+                arrivals.at_ns.store(clock::now().nanos(), Ordering::Relaxed);
+                arrivals.kinds.fetch_or(bit(arrival), Ordering::Release);
+                word.bump();
+            })
+        };
+        let (pump, step_watch) = spawn_pump(&mut opened.ports, spec, robot, options, notifier).map_err(fail)?;
+        let grants = realtime::apply(&robot.realtime, spec.priority, &spec.path());
+        let start = clock::now();
+        let triggers: Vec<Rc<Input>> = opened
+            .ports
+            .inputs()
+            .iter()
+            .filter(|input| spec.triggers.iter().any(|t| t == input.port))
+            .cloned()
+            .collect();
+        for input in &triggers {
+            input.take_arrival();
+        }
+        if let Err(fault) = opened.node.start(start) {
+            eprintln!("{}: start: {fault}", spec.path());
+        }
+        Ok(NodeThread {
+            instance: spec.path(),
+            running: Running::new(opened, spec, start),
+            tree,
+            word,
+            arrivals,
+            triggers,
+            device_trigger: spec.triggers.iter().any(|t| t == "device"),
+            pump,
+            step_watch,
+            grants,
+            rebind: start,
+            last_fault: None,
+        })
+    }
+
+    fn run(mut self) {
+        let mut waiter = self.waiter();
+        while !sys::stop_requested() {
+            waiter.snapshot();
+            let now = clock::now();
+            match self.release(now) {
+                Some(release) => {
+                    // The result is counted by `step`; what changed is logged between steps.
+                    self.step_watch.begin(now);
+                    let _ = self.running.step(now, release, clock::now);
+                    self.step_watch.end(clock::now());
+                    if self.between_steps() {
+                        waiter = self.waiter();
+                    }
+                }
+                None => {
+                    let until = self.running.grid.map(|grid| grid.next().nanos());
+                    waiter.wait(until);
+                }
+            }
+        }
+        self.running.opened.node.stop(clock::now());
+        let summary = self.running.summary();
+        self.running.opened.statistics.write(clock::now(), &summary);
+        self.pump.stop();
+    }
+
+    /// When the step that is due now was released; `None` when none is due. A sample releases a step at its stamp (so
+    /// that the way here counts as lateness), the pump at the moment of its news, the grid on the grid.
+    fn release(&mut self, now: Time) -> Option<Time> {
+        let kinds = self.arrivals.kinds.swap(0, Ordering::Acquire);
+        let called = kinds & (bit(Arrival::Call) | bit(Arrival::Reply)) != 0;
+        let device = self.device_trigger && kinds & bit(Arrival::Device) != 0;
+        let sampled = self.triggers.iter().fold(None, |newest: Option<Time>, input| newest.max(input.take_arrival()));
+        match self.running.grid {
+            Some(grid) if grid.due(now) => Some(grid.next()),
+            _ if device || called => Some(Time::from_nanos(self.arrivals.at_ns.load(Ordering::Relaxed)).min(now)),
+            _ => sampled.map(|stamp| stamp.min(now)),
+        }
+    }
+
+    fn waiter(&self) -> Waiter {
+        let mut words = Vec::new();
+        for input in &self.triggers {
+            input.take_changed();
+            words.extend(input.sources.borrow().iter().filter_map(|s| s.ring.as_ref().map(|ring| ring.word())));
+        }
+        Waiter::new(&self.word, words).unwrap_or_else(|e| {
+            // Only the private word is left to wait on; the grid goes on.
+            eprintln!("{}: cannot wait on the triggers: {e}", self.instance);
+            Waiter::new(&self.word, Vec::new()).expect("a wait on one word needs nothing of the kernel")
+        })
+    }
+
+    /// Everything that may take its time: opens rings, publishes, logs. Whether the waiter must be made anew.
+    fn between_steps(&mut self) -> bool {
+        let now = clock::now();
+        self.running.publish_statistics(now, STATISTICS_S);
+        if self.running.last_fault != self.last_fault {
+            self.last_fault = self.running.last_fault;
+            match self.last_fault {
+                Some(fault) => eprintln!("{}: fault: {fault}", self.instance),
+                None => eprintln!("{}: fault is over", self.instance),
+            }
+        }
+        if now.since(self.rebind) < REBIND_S {
+            return false;
+        }
+        self.rebind = now;
+        for input in self.running.opened.ports.inputs() {
+            if (input.wants_binding() || input.is_set)
+                && let Err(e) = input.bind(&self.tree)
+            {
+                eprintln!("{}: {e}", self.instance);
+            }
+        }
+        self.triggers.iter().any(|input| input.take_changed())
+    }
+}
+
+fn bit(arrival: Arrival) -> u32 {
+    match arrival {
+        Arrival::Device => 1,
+        Arrival::Call => 2,
+        Arrival::Reply => 4,
+    }
+}

@@ -1,0 +1,17 @@
+//! The robot file, read and checked: one manifest per robot *is* its architecture.
+
+mod error;
+mod file;
+mod locate;
+mod resources;
+mod schema;
+mod spec;
+mod wiring;
+
+pub use error::{RobotError, nearest_advice};
+pub use file::{Body, Missed, RealtimeTable, Restart, RobotFile, Scheduler};
+pub use resources::{Embedded, Resources};
+pub use schema::json_schema;
+pub use spec::{NodeSpec, Override, ReadWire, Robot};
+pub use wiring::{Declared, Graph, GraphEdge, GraphNode};
+pub(crate) use wiring::{INPUTS_CAPACITY, open_declared};

@@ -1,0 +1,354 @@
+//! The simulated host: all nodes of a robot in one thread, on a virtual clock, in a fixed order, from one seed.
+//!
+//! Releases are served in order of their time and, at one instant, in flow order. A step takes simulated time from a
+//! seeded model, during which its node cannot step again: deadlines are missed and periods skipped as on a real robot.
+//! What a step published is seen by steps released later; it releases its readers when it ends.
+
+use crate::channel::{Claim, Tree};
+use crate::device::MemoryLinks;
+use crate::host::Running;
+use crate::node::OpenError;
+use crate::ports::{Devices, Input};
+use crate::robot::{NodeSpec, Robot, open_declared};
+use crate::time::Time;
+use messages::NodeStatistics;
+use rand_core::{Rng, SeedableRng};
+use rand_pcg::Pcg64Mcg;
+use std::rc::Rc;
+
+/// How long a step takes in the simulated host.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ExecutionModel {
+    /// Shortest execution [s].
+    pub least_s: f64,
+    /// Longest ordinary execution [s].
+    pub most_s: f64,
+    /// How often a step takes `stall_s` instead, 0…1.
+    pub stall_probability: f64,
+    /// Execution of a stalled step [s].
+    pub stall_s: f64,
+}
+
+impl Default for ExecutionModel {
+    /// Tens of microseconds, and a stall of 3 ms once in a thousand steps.
+    fn default() -> ExecutionModel {
+        ExecutionModel { least_s: 20e-6, most_s: 80e-6, stall_probability: 0.001, stall_s: 3e-3 }
+    }
+}
+
+/// A robot in simulation.
+pub struct SimulatedHost {
+    robot: Robot,
+    tree: Tree,
+    links: MemoryLinks,
+    seed: u64,
+    execution: ExecutionModel,
+    now: Time,
+    slots: Vec<Slot>,
+    /// For each node the nodes that its samples may release.
+    listeners: Vec<Vec<usize>>,
+}
+
+/// One node's place; the node itself may be dead.
+struct Slot {
+    spec: NodeSpec,
+    running: Option<Running>,
+    triggers: Vec<Rc<Input>>,
+    device_trigger: bool,
+    /// Released by a sample or the device at this time and not served yet.
+    pending: Option<Time>,
+    busy_until: Time,
+    random: Pcg64Mcg,
+    lives: u64,
+}
+
+/// What happened in one event of the host.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Stepped {
+    /// Index of the node, in flow order.
+    pub node: usize,
+    /// When it stepped.
+    pub at: Time,
+    /// Whether its step returned a fault.
+    pub fault: bool,
+}
+
+impl SimulatedHost {
+    /// All nodes of `robot`, opened and started at time `start`.
+    pub fn new(robot: &Robot, seed: u64, start: Time) -> Result<SimulatedHost, OpenError> {
+        SimulatedHost::with_execution(robot, seed, start, ExecutionModel::default())
+    }
+
+    /// The same with another model of execution times.
+    pub fn with_execution(
+        robot: &Robot,
+        seed: u64,
+        start: Time,
+        execution: ExecutionModel,
+    ) -> Result<SimulatedHost, OpenError> {
+        let mut host = SimulatedHost {
+            robot: robot.clone(),
+            tree: Tree::local(),
+            links: MemoryLinks::new(),
+            seed,
+            execution,
+            now: start,
+            slots: Vec::new(),
+            listeners: Vec::new(),
+        };
+        host.links.set_now(start);
+        for (index, spec) in robot.nodes.iter().enumerate() {
+            let stream = seed ^ (index as u64 + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+            host.slots.push(Slot {
+                spec: spec.clone(),
+                running: None,
+                triggers: Vec::new(),
+                device_trigger: spec.triggers.iter().any(|t| t == "device"),
+                pending: None,
+                busy_until: start,
+                random: Pcg64Mcg::seed_from_u64(stream),
+                lives: 0,
+            });
+        }
+        // Every path exists before any reader looks for it.
+        let mut opened = Vec::new();
+        for index in 0..host.slots.len() {
+            opened.push(host.open(index)?);
+        }
+        for (index, running) in opened.into_iter().enumerate() {
+            for output in running.opened.ports.outputs() {
+                output.bind(&host.tree, Claim::Continue)?;
+            }
+            host.slots[index].running = Some(running);
+        }
+        for index in 0..host.slots.len() {
+            host.settle(index)?;
+        }
+        host.find_listeners();
+        Ok(host)
+    }
+
+    fn open(&self, index: usize) -> Result<Running, OpenError> {
+        let spec = &self.slots[index].spec;
+        let opened = open_declared(&self.robot, spec, self.seed, Devices::Memory(self.links.clone()))?;
+        // A node that starts later keeps to the grid of the run.
+        Ok(Running::new(opened, spec, next_on_grid(self.now, spec.period_ns)))
+    }
+
+    /// Binds the read ports of a node whose written paths are bound, and starts it.
+    fn settle(&mut self, index: usize) -> Result<(), OpenError> {
+        let now = self.now;
+        let slot = &mut self.slots[index];
+        let Some(running) = &mut slot.running else { return Ok(()) };
+        for input in running.opened.ports.inputs() {
+            input.bind(&self.tree)?;
+        }
+        let triggers = &slot.spec.triggers;
+        slot.triggers = running
+            .opened
+            .ports
+            .inputs()
+            .iter()
+            .filter(|input| triggers.iter().any(|t| t == input.port))
+            .cloned()
+            .collect();
+        for input in &slot.triggers {
+            input.take_arrival();
+        }
+        slot.lives += 1;
+        if let Err(fault) = running.opened.node.start(now) {
+            running.last_fault = Some(fault);
+        }
+        Ok(())
+    }
+
+    fn find_listeners(&mut self) {
+        let mut listeners = vec![Vec::new(); self.slots.len()];
+        for (reader, slot) in self.slots.iter().enumerate() {
+            for input in &slot.triggers {
+                for source in input.sources.borrow().iter() {
+                    let writer =
+                        self.slots.iter().position(|writer| source.path.starts_with(&(writer.spec.path() + "/")));
+                    if let Some(writer) = writer
+                        && !listeners[writer].contains(&reader)
+                    {
+                        listeners[writer].push(reader);
+                    }
+                }
+            }
+        }
+        self.listeners = listeners;
+    }
+
+    /// The virtual time.
+    pub fn now(&self) -> Time {
+        self.now
+    }
+
+    /// The robot.
+    pub fn robot(&self) -> &Robot {
+        &self.robot
+    }
+
+    /// The channels, to read from beside the nodes.
+    pub fn tree(&self) -> &Tree {
+        &self.tree
+    }
+
+    /// The device links, to inject faults into.
+    pub fn links(&self) -> &MemoryLinks {
+        &self.links
+    }
+
+    /// Serves the next event at or before `until`; `None` when there is none, and the time is `until` then.
+    pub fn step_until(&mut self, until: Time) -> Option<Stepped> {
+        let mut best: Option<(Time, usize)> = None;
+        for (index, slot) in self.slots.iter().enumerate() {
+            if let Some(at) = slot.next_release()
+                && best.is_none_or(|(time, _)| at < time)
+            {
+                best = Some((at, index));
+            }
+        }
+        match best {
+            Some((at, index)) if at <= until => Some(self.serve(index, at.max(self.now))),
+            _ => {
+                self.now = self.now.max(until);
+                self.links.set_now(self.now);
+                None
+            }
+        }
+    }
+
+    /// Serves all events up to `until`.
+    pub fn run_until(&mut self, until: Time) {
+        while self.step_until(until).is_some() {}
+    }
+
+    fn serve(&mut self, index: usize, at: Time) -> Stepped {
+        self.now = at;
+        self.links.set_now(at);
+        let spent_s = self.spent_s(index);
+        let slot = &mut self.slots[index];
+        let Some(running) = &mut slot.running else { return Stepped { node: index, at, fault: false } };
+        let grid = running.grid.map(|grid| grid.next()).filter(|next| *next <= at);
+        let release = [slot.pending, grid].into_iter().flatten().min().unwrap_or(at);
+        slot.pending = None;
+        let ended = at.after_s(spent_s);
+        slot.busy_until = ended;
+        let fault = running.step(at, release, || ended).is_err();
+        let has_device = !running.opened.ports.incoming.is_empty();
+        for k in 0..self.listeners[index].len() {
+            let listener = self.listeners[index][k];
+            let slot = &mut self.slots[listener];
+            let arrived = slot.triggers.iter().fold(false, |any, input| input.take_arrival().is_some() | any);
+            if arrived && slot.running.is_some() {
+                slot.pending = Some(slot.pending.map_or(ended, |pending| pending.min(ended)));
+            }
+        }
+        if has_device {
+            self.release_device_readers();
+        }
+        Stepped { node: index, at, fault }
+    }
+
+    /// Bytes may be under way to any node with a device: it is released when the last byte of one `send` arrives. What a
+    /// node has read is no longer under way.
+    fn release_device_readers(&mut self) {
+        for slot in self.slots.iter_mut().filter(|slot| slot.device_trigger) {
+            let Some(running) = &slot.running else { continue };
+            for (link, direction) in &running.opened.ports.incoming {
+                if let Some(arrival) = link.next_arrival(*direction, Time::ZERO) {
+                    slot.pending = Some(slot.pending.map_or(arrival, |pending| pending.min(arrival)));
+                }
+            }
+        }
+    }
+
+    fn spent_s(&mut self, index: usize) -> f64 {
+        let ExecutionModel { least_s, most_s, stall_probability, stall_s } = self.execution;
+        let bits = self.slots[index].random.next_u64();
+        // Two independent numbers in [0, 1) out of one draw.
+        let spread = (bits >> 40) as f64 / (1_u64 << 24) as f64;
+        let chance = (bits & 0xff_ffff) as f64 / (1_u64 << 24) as f64;
+        if chance < stall_probability { stall_s } else { least_s + (most_s - least_s) * spread }
+    }
+
+    /// Kills node `index` between two of its steps: no destructor of its own logic runs, its paths become free.
+    pub fn kill(&mut self, index: usize) {
+        let slot = &mut self.slots[index];
+        slot.running = None;
+        slot.triggers.clear();
+        slot.pending = None;
+    }
+
+    /// Lets node `index` hang for `seconds`: it holds its paths and does not step.
+    pub fn hang(&mut self, index: usize, seconds: f64) {
+        let until = self.now.after_s(seconds);
+        let slot = &mut self.slots[index];
+        slot.busy_until = slot.busy_until.max(until);
+    }
+
+    /// Starts node `index` again after a death.
+    pub fn restart(&mut self, index: usize) -> Result<(), OpenError> {
+        let running = self.open(index)?;
+        running.opened.ports.bind(&self.tree, Claim::Continue)?;
+        self.slots[index].running = Some(running);
+        self.slots[index].busy_until = self.now;
+        self.settle(index)?;
+        self.find_listeners();
+        self.release_device_readers();
+        Ok(())
+    }
+
+    /// Whether node `index` is alive.
+    pub fn alive(&self, index: usize) -> bool {
+        self.slots[index].running.is_some()
+    }
+
+    /// Index of the node with path `/<layer>/<instance>`.
+    pub fn index_of(&self, path: &str) -> Option<usize> {
+        self.slots.iter().position(|slot| slot.spec.path() == path)
+    }
+
+    /// How node `index` kept time in this life.
+    pub fn statistics(&self, index: usize) -> Option<NodeStatistics> {
+        self.slots[index].running.as_ref().map(Running::summary)
+    }
+
+    /// Why node `index` faulted in its last step, if it did.
+    pub fn last_fault(&self, index: usize) -> Option<crate::Fault> {
+        self.slots[index].running.as_ref().and_then(|running| running.last_fault)
+    }
+
+    /// Ordered stop of every node, last in the flow first.
+    pub fn stop(&mut self) {
+        for index in (0..self.slots.len()).rev() {
+            if let Some(running) = &mut self.slots[index].running {
+                running.opened.node.stop(self.now);
+            }
+        }
+    }
+}
+
+impl Slot {
+    /// When the node steps next, if nothing else happens.
+    fn next_release(&self) -> Option<Time> {
+        let running = self.running.as_ref()?;
+        let grid = running.grid.map(|grid| grid.next());
+        let release = match (grid, self.pending) {
+            (Some(grid), Some(pending)) => grid.min(pending),
+            (Some(one), None) | (None, Some(one)) => one,
+            (None, None) => return None,
+        };
+        Some(release.max(self.busy_until))
+    }
+}
+
+/// The first point of the run's grid at or after `now`.
+fn next_on_grid(now: Time, period_ns: Option<u64>) -> Time {
+    match period_ns {
+        Some(period) if period > 0 => Time::from_nanos(now.nanos().div_ceil(period) * period),
+        _ => now,
+    }
+}

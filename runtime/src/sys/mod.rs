@@ -1,0 +1,82 @@
+//! The few system calls that no library wraps safely: scheduling class, memory locks, signal handlers.
+#![allow(unsafe_code)]
+
+use rustix::io::Errno;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// Puts the calling thread under SCHED_FIFO at `priority` (1–99).
+pub fn set_fifo(priority: u8) -> Result<(), Errno> {
+    let parameters = libc::sched_param { sched_priority: i32::from(priority) };
+    // SAFETY: 0 names the calling thread; the structure lives across the call.
+    let status = unsafe { libc::sched_setscheduler(0, libc::SCHED_FIFO | libc::SCHED_RESET_ON_FORK, &parameters) };
+    if status == 0 { Ok(()) } else { Err(last_error()) }
+}
+
+/// Locks what is mapped and what will be touched into memory, page by page as it is touched.
+pub fn lock_memory() -> Result<(), Errno> {
+    // SAFETY: no memory is passed.
+    let status = unsafe { libc::mlockall(libc::MCL_CURRENT | libc::MCL_FUTURE | libc::MCL_ONFAULT) };
+    if status == 0 { Ok(()) } else { Err(last_error()) }
+}
+
+/// Makes timers of the calling thread fire without the default slack of 50 µs.
+pub fn no_timer_slack() {
+    // SAFETY: PR_SET_TIMERSLACK takes a number.
+    unsafe { libc::prctl(libc::PR_SET_TIMERSLACK, 1_u64, 0_u64, 0_u64, 0_u64) };
+}
+
+/// Kills a real-time thread that computes longer than this without sleeping: SIGXCPU at `soft_us`, SIGKILL at twice that.
+pub fn limit_runaway(soft_us: u64) -> Result<(), Errno> {
+    let limit = libc::rlimit { rlim_cur: soft_us, rlim_max: soft_us * 2 };
+    // SAFETY: the structure lives across the call.
+    let status = unsafe { libc::setrlimit(libc::RLIMIT_RTTIME, &limit) };
+    if status == 0 { Ok(()) } else { Err(last_error()) }
+}
+
+/// Touches `BYTES` of the calling thread's stack, so that no step pays for its pages.
+#[inline(never)]
+pub fn prefault_stack<const BYTES: usize>() {
+    let mut pages = [0_u8; BYTES];
+    for offset in (0..BYTES).step_by(4096) {
+        // SAFETY: offset lies inside the array; a volatile write cannot be left out.
+        unsafe { pages.as_mut_ptr().add(offset).write_volatile(1) };
+    }
+}
+
+static STOP: AtomicBool = AtomicBool::new(false);
+static ON_STOP: std::sync::OnceLock<fn()> = std::sync::OnceLock::new();
+
+extern "C" fn on_stop_signal(_signal: libc::c_int) {
+    STOP.store(true, Ordering::SeqCst);
+    if let Some(wake) = ON_STOP.get() {
+        wake();
+    }
+}
+
+/// Lets SIGTERM and SIGINT set the stop flag and call `wake`, which must be async-signal-safe.
+pub fn catch_stop_signals(wake: fn()) {
+    let _ = ON_STOP.set(wake);
+    for signal in [libc::SIGTERM, libc::SIGINT] {
+        // SAFETY: an all-zero sigaction is a valid one; the handler stores an atomic and calls `wake`.
+        unsafe {
+            let mut action: libc::sigaction = std::mem::zeroed();
+            action.sa_sigaction = on_stop_signal as extern "C" fn(libc::c_int) as usize;
+            action.sa_flags = libc::SA_RESTART;
+            libc::sigaction(signal, &action, std::ptr::null_mut());
+        }
+    }
+}
+
+/// Whether a stop has been asked for.
+pub fn stop_requested() -> bool {
+    STOP.load(Ordering::SeqCst)
+}
+
+/// Asks this process to stop, as SIGTERM does.
+pub fn request_stop() {
+    on_stop_signal(0);
+}
+
+fn last_error() -> Errno {
+    Errno::from_io_error(&std::io::Error::last_os_error()).unwrap_or(Errno::INVAL)
+}
