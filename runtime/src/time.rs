@@ -25,12 +25,12 @@ impl Time {
 
     /// Seconds since the clock's zero.
     pub fn seconds(self) -> f64 {
-        self.0 as f64 * 1e-9
+        self.0 as f64 / 1e9
     }
 
     /// Seconds from `earlier` to `self`; zero when `earlier` is the later one.
     pub fn since(self, earlier: Time) -> f64 {
-        self.0.saturating_sub(earlier.0) as f64 * 1e-9
+        self.0.saturating_sub(earlier.0) as f64 / 1e9
     }
 
     /// Nanoseconds from `earlier` to `self`; zero when `earlier` is the later one.
