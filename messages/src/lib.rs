@@ -39,6 +39,7 @@ mod motion;
 mod node;
 mod plain;
 mod ranges;
+mod requests;
 mod schema;
 mod truth;
 
@@ -49,6 +50,7 @@ pub use motion::{Axis, Command, CoordinatorState, FreeSectors, MotionState, Odom
 pub use node::{InputCursor, NodeStatistics, StepInputs};
 pub use plain::{Message, NoTail, Plain, tail_offset};
 pub use ranges::{Beam, Echo, Ranges};
+pub use requests::{Done, Sound, Switch, Trigger};
 pub use schema::{Element, Field, JsonError, JsonProblem, Kind, Schema, SchemaError, from_json_value, to_json_value};
 pub use truth::{Contact, ContactCause, Truth};
 

@@ -18,6 +18,7 @@ const LAYOUTS: &[(&str, usize, u64)] = &[
     ("Command", 40, 0x5e00_ce3a_2767_8168),
     ("Contact", 32, 0xdbba_cb0a_b290_8f39),
     ("CoordinatorState", 40, 0xdcf1_414a_1e80_6ca4),
+    ("Done", 8, 0x920f_09b8_ae5d_0329),
     ("FreeSectors", 152, 0x26eb_558f_ca03_54ee),
     ("Image", 16, 0x02d8_cfcb_2b36_d86e),
     ("InputCursor", 24, 0x227a_bb76_0826_6ab4),
@@ -26,7 +27,10 @@ const LAYOUTS: &[(&str, usize, u64)] = &[
     ("Odometry", 200, 0xd236_4438_8487_504c),
     ("Proposal", 112, 0x1b8f_7b10_6048_5186),
     ("Ranges", 16, 0xd40a_7f3b_a98d_f009),
+    ("Sound", 16, 0x2b97_d221_0b71_2ccc),
     ("StepInputs", 24, 0xb0c8_3fef_6ecb_4963),
+    ("Switch", 8, 0xa461_43bc_51c2_bc5a),
+    ("Trigger", 8, 0x6991_0448_f9f2_80b7),
     ("Truth", 88, 0x7d1a_fa5b_7340_174b),
     ("Twist", 24, 0x0c66_3de7_b0de_9fd9),
 ];
