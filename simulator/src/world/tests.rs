@@ -53,13 +53,19 @@ fn a_world_file_gives_walls_doors_boxes_circles_people_and_starts() {
     assert!((seen(1.0, 3.46) - 3.95).abs() < 1e-9);
     assert!((seen(1.0, 1.0) - 0.8).abs() < 1e-9);
     assert!((seen(8.6, 1.0) - 1.4).abs() < 1e-9);
-    assert!(world.is_solid(Point::new(8.0, 3.0)) && world.is_solid(Point::new(2.1, 1.0)) && world.is_solid(Point::new(5.0, 1.0)));
+    assert!(
+        world.is_solid(Point::new(8.0, 3.0))
+            && world.is_solid(Point::new(2.1, 1.0))
+            && world.is_solid(Point::new(5.0, 1.0))
+    );
     assert!(!world.is_solid(Point::new(5.0, 3.0)));
 }
 
 #[test]
 fn a_door_may_span_a_corner_of_its_wall() {
-    let world = toml("[[wall]]\npoints_m = [[0.0, 0.0], [2.0, 0.0], [2.0, 2.0]]\ndoors = [{ at_m = 2.0, width_m = 1.0 }]\n").unwrap();
+    let world =
+        toml("[[wall]]\npoints_m = [[0.0, 0.0], [2.0, 0.0], [2.0, 2.0]]\ndoors = [{ at_m = 2.0, width_m = 1.0 }]\n")
+            .unwrap();
     let segments = world.map.segments();
     assert_eq!(segments.len(), 2);
     assert_eq!(segments[0].b, Point::new(1.5, 0.0));
@@ -69,11 +75,17 @@ fn a_door_may_span_a_corner_of_its_wall() {
 #[test]
 fn faults_in_a_world_file_name_place_reason_and_remedy() {
     for (text, said) in [
-        ("[[circle]]\ncentre_m = [1.0, 2.0]\nradius = 0.2\n", "w/office.toml:3:1: unknown field `radius`; did you mean `radius_m`?"),
+        (
+            "[[circle]]\ncentre_m = [1.0, 2.0]\nradius = 0.2\n",
+            "w/office.toml:3:1: unknown field `radius`; did you mean `radius_m`?",
+        ),
         ("[[cirle]]\n", "w/office.toml:1:3: unknown field `cirle`; did you mean `circle`?"),
         ("name = 3\n", "w/office.toml:1:8: invalid type"),
         ("name = \"x\n", "w/office.toml:1:"),
-        ("\n[[circle]]\ncentre_m = [1.0, 2.0]\nradius_m = 0.0\n", "w/office.toml:2:1: a circle needs a radius_m above zero"),
+        (
+            "\n[[circle]]\ncentre_m = [1.0, 2.0]\nradius_m = 0.0\n",
+            "w/office.toml:2:1: a circle needs a radius_m above zero",
+        ),
         ("[[circle]]\ncentre_m = [nan, 2.0]\nradius_m = 1.0\n", "w/office.toml:1:1: a circle needs"),
         (
             "[[wall]]\npoints_m = [[0.0, 0.0], [4.0, 0.0]]\ndoors = [\n  { at_m = 3.8, width_m = 0.9 },\n]\n",
@@ -125,7 +137,9 @@ fn clutter(seed: &mut u64) -> (Vec<Wall>, Vec<Post>) {
             Wall { segment: Segment::new(a, a + place(3.0) - Point::new(1.5, 1.5)), rough: false }
         })
         .collect();
-    let posts = (0..40).map(|_| Post { circle: Circle::new(place(12.0), 0.05 + 0.03 * place(1.0).x_m), rough: false }).collect();
+    let posts = (0..40)
+        .map(|_| Post { circle: Circle::new(place(12.0), 0.05 + 0.03 * place(1.0).x_m), rough: false })
+        .collect();
     (walls, posts)
 }
 
