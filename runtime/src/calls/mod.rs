@@ -7,9 +7,12 @@
 //!
 //! The step's ends are [`CallPort`], [`OrderPort`] and [`Caller`]; people's end is [`client::Client`].
 
+mod call_error;
 mod caller;
+pub mod client;
 mod description;
 mod desk;
+mod local;
 mod order;
 mod outgoing;
 mod port;
@@ -21,11 +24,13 @@ mod step_watch;
 pub mod target;
 pub mod wire;
 
+pub use call_error::CallError;
 pub(crate) use caller::CallLine;
 pub use caller::{CallId, CallState, Caller, Loss};
 pub use description::{Command, CommandName, Commands, Layout};
 pub use desk::CommandError;
 pub(crate) use desk::{Desk, NodeState};
+pub use local::{LocalCalls, LocalRequest, Ticket, TicketState};
 pub use order::{Order, OrderPort};
 pub(crate) use outgoing::Outgoing;
 pub use port::{CallPort, Request};

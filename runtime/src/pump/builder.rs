@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use super::watch::Watch;
 use super::{Arrival, Notifier, Part, Pump, Waker};
-use crate::calls::{self, CallLine, CallPort, Caller, NodeState, OrderPort, Stage, StepWatch};
+use crate::calls::{self, CallLine, CallPort, Caller, LocalCalls, NodeState, OrderPort, Stage, StepWatch};
 use crate::device::{self, Device, Wire};
 
 /// Poll, socket and formatting need a few KiB; the rest is reserve for the C library.
@@ -135,6 +135,14 @@ impl PumpBuilder {
         }
         let name = format!("{}.pump", self.path.rsplit('/').next().unwrap_or("node"));
         Ok(Pump::spawn(name, self.stack_bytes, waker, parts, self.on_start)?)
+    }
+
+    /// Serves the node's calls within a simulated host instead, without a thread. Its devices are memory links.
+    pub fn join(self, calls: &LocalCalls) -> Result<(), PumpError> {
+        let desk = calls::Desk::new(&self.path, self.stages, self.state, self.step).map_err(calls::ServeError::from)?;
+        let (call, reply) = (told(&self.notifier, Arrival::Call), told(&self.notifier, Arrival::Reply));
+        calls.join(&self.path, desk, self.lines, call, reply);
+        Ok(())
     }
 }
 

@@ -14,6 +14,7 @@ use std::sync::Arc;
 pub use builder::{Attach, PumpBuilder, PumpError};
 pub(crate) use part::Part;
 pub use run::Pump;
+pub(crate) use run::monotonic;
 pub use waker::Waker;
 
 /// What has come for the step.

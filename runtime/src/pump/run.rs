@@ -73,10 +73,15 @@ fn run(mut parts: Vec<Box<dyn Part>>, waker: &Waker, stop: &AtomicBool) {
         wait(&mut parts, waker, next);
     }
     let until = monotonic().after_s(FAREWELL_S);
-    // Every part closes, even when one before it is not done.
-    while !parts.iter_mut().fold(true, |done, part| part.close() && done) && monotonic() < until {
+    while !close(&mut parts) && monotonic() < until {
         wait(&mut parts, waker, Some(until));
     }
+}
+
+/// Closes every part, even when one before it is not done; whether all are.
+fn close(parts: &mut [Box<dyn Part>]) -> bool {
+    let unfinished = parts.iter_mut().map(|part| part.close()).filter(|done| !done).count();
+    unfinished == 0
 }
 
 /// Waits until a descriptor is ready, the waker is used or `until` comes, and hands the parts what has happened.

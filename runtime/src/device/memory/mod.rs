@@ -4,20 +4,17 @@
 //! line of rate b arrives at t + 10/b (8N1), the next one 10/b later; without a rate all arrive at t. Ends that are
 //! set to different rates receive garbage, as on a real line.
 
+mod lane;
+mod line;
+
 use std::collections::BTreeMap;
-use std::fmt;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use super::{Address, Device, DeviceError, DeviceLink, WhyClosed};
-use crate::Time;
+use line::Line;
 
-/// Bytes that may be under way in each direction: 4 s at 9600 baud.
-const CAPACITY: usize = 4096;
-/// Marks the last byte of one `send` in its time of arrival.
-const LAST: u64 = 1 << 63;
-/// Start, eight data and stop bit.
-const BITS_PER_BYTE: u64 = 10;
+use super::{Address, Device, DeviceError, DeviceLink};
+use crate::Time;
 
 /// Which way a byte goes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -193,172 +190,6 @@ impl Drop for End {
     }
 }
 
-/// Both lanes of a link and who is at its ends.
-#[derive(Default)]
-struct Line {
-    client: Party,
-    server: Party,
-    to_server: Lane,
-    to_client: Lane,
-    unplugged: bool,
-    open: bool,
-    generation: u64,
-    fault: Option<Fault>,
-}
-
-#[derive(Debug, Default)]
-struct Party {
-    present: bool,
-    tenancy: u64,
-    baud: Option<u32>,
-    refused_sends: u64,
-}
-
-impl Line {
-    fn move_in(&mut self, sends: Direction, baud: Option<u32>) -> u64 {
-        let side = self.side(sends);
-        *side = Party { present: true, tenancy: side.tenancy + 1, baud, refused_sends: 0 };
-        let tenancy = side.tenancy;
-        // A successor is a new link to the other end, as a reopened port is.
-        self.open = false;
-        self.settle();
-        tenancy
-    }
-
-    /// Opens the link when it can be open, closes it when it cannot; what was under way belongs to the old link.
-    fn settle(&mut self) {
-        let possible = self.client.present && self.server.present && !self.unplugged;
-        if possible && self.open {
-            return;
-        }
-        self.to_server.clear();
-        self.to_client.clear();
-        self.open = possible;
-        self.generation += u64::from(possible);
-    }
-
-    fn link(&mut self, sends: Direction, tenancy: u64) -> DeviceLink {
-        let why = match (self.side(sends).tenancy == tenancy, self.open, sends) {
-            (true, true, _) => return DeviceLink::Open { generation: self.generation },
-            (false, ..) => WhyClosed::HungUp,
-            (true, false, _) if self.unplugged => WhyClosed::HungUp,
-            (true, false, Direction::ToServer) => WhyClosed::NoSuchPort,
-            (true, false, Direction::ToClient) => WhyClosed::NoClient,
-        };
-        DeviceLink::Closed { why }
-    }
-
-    fn send(&mut self, now_ns: u64, direction: Direction, bytes: &[u8]) -> Result<(), DeviceError> {
-        let sender_baud = self.side(direction).baud;
-        let receiver_baud = self.side(direction.opposite()).baud;
-        let byte_ns = sender_baud.or(receiver_baud).map_or(0, |baud| 1_000_000_000 * BITS_PER_BYTE / u64::from(baud));
-        let garbled = matches!((sender_baud, receiver_baud), (Some(ours), Some(theirs)) if ours != theirs);
-        let Line { fault, to_server, to_client, .. } = self;
-        let lane = match direction {
-            Direction::ToServer => to_server,
-            Direction::ToClient => to_client,
-        };
-        if bytes.len() > lane.free() {
-            return Err(DeviceError::Full);
-        }
-        for (index, byte) in bytes.iter().enumerate() {
-            let arrives_ns = lane.idle_ns.max(now_ns) + byte_ns;
-            lane.idle_ns = arrives_ns;
-            let byte = if garbled { garble(*byte) } else { *byte };
-            let survivor = match fault {
-                Some(fault) => fault(Time::from_nanos(now_ns), direction, byte),
-                None => Some(byte),
-            };
-            let last = index + 1 == bytes.len();
-            match survivor {
-                Some(byte) => lane.put(byte, arrives_ns, last),
-                None if last => lane.mark_last(),
-                None => {}
-            }
-        }
-        Ok(())
-    }
-
-    fn side(&mut self, sends: Direction) -> &mut Party {
-        match sends {
-            Direction::ToServer => &mut self.client,
-            Direction::ToClient => &mut self.server,
-        }
-    }
-
-    fn lane(&mut self, direction: Direction) -> &mut Lane {
-        match direction {
-            Direction::ToServer => &mut self.to_server,
-            Direction::ToClient => &mut self.to_client,
-        }
-    }
-}
-
-impl fmt::Debug for Line {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "Line(open: {}, generation: {})", self.open, self.generation)
-    }
-}
-
-/// Bytes under way in one direction, each with its time of arrival.
-struct Lane {
-    bytes: Box<[u8]>,
-    /// [ns], with [`LAST`].
-    arrivals: Box<[u64]>,
-    first: usize,
-    count: usize,
-    /// When the line has sent all that it was given [ns].
-    idle_ns: u64,
-}
-
-impl Default for Lane {
-    fn default() -> Lane {
-        Lane { bytes: vec![0; CAPACITY].into(), arrivals: vec![0; CAPACITY].into(), first: 0, count: 0, idle_ns: 0 }
-    }
-}
-
-impl Lane {
-    fn free(&self) -> usize {
-        CAPACITY - self.count
-    }
-
-    fn clear(&mut self) {
-        self.count = 0;
-        self.idle_ns = 0;
-    }
-
-    fn put(&mut self, byte: u8, arrives_ns: u64, last: bool) {
-        let place = (self.first + self.count) % CAPACITY;
-        self.bytes[place] = byte;
-        self.arrivals[place] = arrives_ns | if last { LAST } else { 0 };
-        self.count += 1;
-    }
-
-    fn mark_last(&mut self) {
-        if self.count > 0 {
-            self.arrivals[(self.first + self.count - 1) % CAPACITY] |= LAST;
-        }
-    }
-
-    fn take(&mut self, now_ns: u64, buffer: &mut [u8], arrived: &mut Time) -> usize {
-        let mut taken = 0;
-        while taken < buffer.len() && self.count > 0 && self.arrivals[self.first] & !LAST <= now_ns {
-            buffer[taken] = self.bytes[self.first];
-            *arrived = Time::from_nanos(self.arrivals[self.first] & !LAST);
-            self.first = (self.first + 1) % CAPACITY;
-            self.count -= 1;
-            taken += 1;
-        }
-        taken
-    }
-
-    fn next_last(&self, after_ns: u64) -> Option<Time> {
-        let arrivals = (0..self.count).map(|offset| self.arrivals[(self.first + offset) % CAPACITY]);
-        let mut lasts = arrivals.filter(|arrival| arrival & LAST != 0).map(|arrival| arrival & !LAST);
-        lasts.find(|arrival_ns| *arrival_ns > after_ns).map(Time::from_nanos)
-    }
-}
-
 impl Direction {
     fn opposite(self) -> Direction {
         match self {
@@ -366,11 +197,6 @@ impl Direction {
             Direction::ToClient => Direction::ToServer,
         }
     }
-}
-
-/// What a receiver at another rate makes of a byte: never the byte itself.
-fn garble(byte: u8) -> u8 {
-    byte.rotate_left(3) ^ 0xA5 ^ u8::from(byte.rotate_left(3) ^ 0xA5 == byte)
 }
 
 fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
