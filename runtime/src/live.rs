@@ -177,6 +177,15 @@ fn spawn_pump(
     Ok((pump, step_watch))
 }
 
+/// Tells the supervisor that this process is ready, where one is listening (`SINEW_READY_FD`).
+pub fn report_ready() {
+    if let Some(descriptor) = std::env::var("SINEW_READY_FD").ok().and_then(|text| text.parse().ok())
+        && let Err(e) = sys::report_ready(descriptor)
+    {
+        eprintln!("cannot tell the supervisor that this process is ready: {e}");
+    }
+}
+
 /// What has come from the pump since the last look.
 #[derive(Default)]
 struct Arrivals {

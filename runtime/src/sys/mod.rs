@@ -77,6 +77,18 @@ pub fn request_stop() {
     on_stop_signal(0);
 }
 
+/// Writes one byte to the descriptor that this process inherited for saying that it is ready, and closes it.
+pub fn report_ready(descriptor: i32) -> Result<(), Errno> {
+    use std::os::fd::{FromRawFd, OwnedFd};
+    if descriptor < 3 {
+        return Err(Errno::BADF);
+    }
+    // SAFETY: the supervisor handed this number over for this one use; nothing else in the process owns it. A number
+    // that is open for something else would be the starter's error.
+    let ready = unsafe { OwnedFd::from_raw_fd(descriptor) };
+    rustix::io::write(&ready, &[1]).map(|_| ())
+}
+
 fn last_error() -> Errno {
     Errno::from_io_error(&std::io::Error::last_os_error()).unwrap_or(Errno::INVAL)
 }
