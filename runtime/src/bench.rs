@@ -1,11 +1,13 @@
 //! A test bench for one node: feed its read ports, step it, look at what it wrote.
 
+use crate::calls::{LocalCalls, LocalRequest, Ticket, TicketState};
 use crate::channel::{Claim, Expect, Geometry, RawWriter, SampleBuffer, Tree};
 use crate::device::MemoryLinks;
 use crate::host::Opened;
 use crate::node::{Fault, Node, NodeType, OpenError};
 use crate::path::Layer;
 use crate::ports::{Devices, PortKind};
+use crate::pump::PumpBuilder;
 use crate::robot::{Body, Missed, NodeSpec, ReadWire, RealtimeTable, Resources, Restart, Robot, open_declared};
 use crate::time::Time;
 use messages::{Message, bytemuck};
@@ -17,6 +19,8 @@ pub struct Bench<N: Node> {
     opened: Opened,
     tree: Tree,
     links: MemoryLinks,
+    calls: LocalCalls,
+    now: Time,
     feeds: BTreeMap<String, RawWriter>,
     started: bool,
     node: PhantomData<N>,
@@ -71,6 +75,7 @@ impl<N: Node> Bench<N> {
     /// One step at `now`.
     pub fn step(&mut self, now: Time) -> Result<(), Fault> {
         self.links.set_now(now);
+        self.now = now;
         for input in self.opened.ports.inputs() {
             input.bind(&self.tree).expect("the bench feeds the types that the node reads");
         }
@@ -79,7 +84,30 @@ impl<N: Node> Bench<N> {
             self.opened.node.start(now)?;
         }
         self.opened.ports.freeze(now);
-        self.opened.node.step(now)
+        let result = self.opened.node.step(now);
+        self.calls.advance(now);
+        result
+    }
+
+    /// Calls the node; its next step sees the request.
+    pub fn call<Q: Message>(&mut self, command: &str, request: &Q) -> Ticket {
+        let path = format!("/{}/{NAME}", N::LAYER);
+        self.calls.request(
+            self.now,
+            &LocalRequest {
+                path: &path,
+                command,
+                layout_hash: Q::layout_hash(),
+                body: bytemuck::bytes_of(request),
+                priority: 0,
+                deadline: self.now.after_s(1.0),
+            },
+        )
+    }
+
+    /// How a call stands.
+    pub fn call_state(&self, ticket: Ticket) -> TicketState {
+        self.calls.poll(ticket)
     }
 
     /// An ordered stop.
@@ -191,10 +219,21 @@ impl<N: Node> BenchBuilder<N> {
                 Err(e) => return Err(e),
             }
         }
-        let (tree, links) = (Tree::local(), MemoryLinks::new());
-        let opened = open_declared(&robot, &robot.nodes[0], 0, Devices::Memory(links.clone()))?;
+        let (tree, links, calls) = (Tree::local(), MemoryLinks::new(), LocalCalls::new());
+        let mut opened = open_declared(&robot, &robot.nodes[0], 0, Devices::Memory(links.clone()))?;
         opened.ports.bind(&tree, Claim::Continue)?;
-        Ok(Bench { opened, tree, links, feeds: BTreeMap::new(), started: false, node: PhantomData })
+        let pump = std::mem::replace(&mut opened.ports.pump, PumpBuilder::new(NAME));
+        pump.join(&calls).map_err(|e| OpenError::Config { reason: e.to_string() })?;
+        Ok(Bench {
+            opened,
+            tree,
+            links,
+            calls,
+            now: Time::ZERO,
+            feeds: BTreeMap::new(),
+            started: false,
+            node: PhantomData,
+        })
     }
 }
 

@@ -4,17 +4,21 @@
 //! seeded model, during which its node cannot step again: deadlines are missed and periods skipped as on a real robot.
 //! What a step published is seen by steps released later; it releases its readers when it ends.
 
+use crate::calls::{LocalCalls, LocalRequest, Ticket, TicketState};
 use crate::channel::{Claim, Tree};
 use crate::device::MemoryLinks;
 use crate::host::Running;
 use crate::node::OpenError;
 use crate::ports::{Devices, Input};
+use crate::pump::PumpBuilder;
 use crate::robot::{NodeSpec, Robot, open_declared};
 use crate::time::Time;
 use messages::NodeStatistics;
 use rand_core::{Rng, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use std::rc::Rc;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 /// How long a step takes in the simulated host.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -41,6 +45,9 @@ pub struct SimulatedHost {
     robot: Robot,
     tree: Tree,
     links: MemoryLinks,
+    calls: LocalCalls,
+    /// Whether anybody has called anybody: before that there is nothing to carry.
+    calls_in_use: bool,
     seed: u64,
     execution: ExecutionModel,
     now: Time,
@@ -55,6 +62,8 @@ struct Slot {
     running: Option<Running>,
     triggers: Vec<Rc<Input>>,
     device_trigger: bool,
+    /// A call or a reply has come for the step.
+    called: Arc<AtomicBool>,
     /// Released by a sample or the device at this time and not served yet.
     pending: Option<Time>,
     busy_until: Time,
@@ -90,6 +99,8 @@ impl SimulatedHost {
             robot: robot.clone(),
             tree: Tree::local(),
             links: MemoryLinks::new(),
+            calls: LocalCalls::new(),
+            calls_in_use: robot.nodes.iter().any(|node| !node.calls.is_empty()),
             seed,
             execution,
             now: start,
@@ -104,6 +115,7 @@ impl SimulatedHost {
                 running: None,
                 triggers: Vec::new(),
                 device_trigger: spec.triggers.iter().any(|t| t == "device"),
+                called: Arc::default(),
                 pending: None,
                 busy_until: start,
                 random: Pcg64Mcg::seed_from_u64(stream),
@@ -156,6 +168,11 @@ impl SimulatedHost {
             input.take_arrival();
         }
         slot.lives += 1;
+        let path = slot.spec.path();
+        let mut pump = std::mem::replace(&mut running.opened.ports.pump, PumpBuilder::new(&path));
+        let called = slot.called.clone();
+        pump.notify(Arc::new(move |_| called.store(true, Ordering::Relaxed)));
+        pump.join(&self.calls).map_err(|e| OpenError::Config { reason: e.to_string() })?;
         if let Err(fault) = running.opened.node.start(now) {
             running.last_fault = Some(fault);
         }
@@ -200,6 +217,41 @@ impl SimulatedHost {
         &self.links
     }
 
+    /// Calls a node from beside the nodes, as `sinew call` does on a live robot.
+    pub fn call(&mut self, request: &LocalRequest<'_>) -> Ticket {
+        self.calls_in_use = true;
+        let ticket = self.calls.request(self.now, request);
+        self.release_called();
+        ticket
+    }
+
+    /// How a call stands.
+    pub fn call_state(&self, ticket: Ticket) -> TicketState {
+        self.calls.poll(ticket)
+    }
+
+    /// Withdraws a call.
+    pub fn cancel_call(&mut self, ticket: Ticket) {
+        self.calls.cancel(self.now, ticket);
+        self.release_called();
+    }
+
+    /// Carries calls and replies, and releases those for whom there is something to look at.
+    fn carry_calls(&mut self) {
+        if self.calls_in_use {
+            self.calls.advance(self.now);
+            self.release_called();
+        }
+    }
+
+    fn release_called(&mut self) {
+        for slot in &mut self.slots {
+            if slot.called.swap(false, Ordering::Relaxed) && slot.running.is_some() {
+                slot.pending = Some(slot.pending.map_or(self.now, |pending| pending.min(self.now)));
+            }
+        }
+    }
+
     /// Serves the next event at or before `until`; `None` when there is none, and the time is `until` then.
     pub fn step_until(&mut self, until: Time) -> Option<Stepped> {
         let mut best: Option<(Time, usize)> = None;
@@ -215,6 +267,7 @@ impl SimulatedHost {
             _ => {
                 self.now = self.now.max(until);
                 self.links.set_now(self.now);
+                self.carry_calls();
                 None
             }
         }
@@ -249,6 +302,7 @@ impl SimulatedHost {
         if has_device {
             self.release_device_readers();
         }
+        self.carry_calls();
         Stepped { node: index, at, fault }
     }
 
@@ -280,6 +334,7 @@ impl SimulatedHost {
         slot.running = None;
         slot.triggers.clear();
         slot.pending = None;
+        self.calls.node_ended(&slot.spec.path());
     }
 
     /// Lets node `index` hang for `seconds`: it holds its paths and does not step.
