@@ -1,1 +1,10 @@
-//! sinew-actions
+//! Behaviours: each proposes motion for one purpose.
+
+pub mod forward;
+pub mod sectors;
+pub mod steer_clear;
+
+use runtime::NodeType;
+
+/// Node types of this layer.
+pub const NODES: &[NodeType] = &[NodeType::of::<forward::Forward>(), NodeType::of::<steer_clear::SteerClear>()];

@@ -4,7 +4,7 @@
 //! about the body's centre of turning c = (0, v/ω). The rectangle is touched where that path first crosses one of its
 //! four edges, which is exact for any arc; no step size, no sampled poses.
 
-//BODY use runtime::Body;
+use runtime::Body;
 use runtime::math;
 use std::f64::consts::TAU;
 
@@ -61,14 +61,14 @@ pub struct Footprint {
 }
 
 impl Footprint {
-//BODY     /// The footprint of `body`, wider by `side_margin_m` on either side.
-//BODY     pub fn of(body: &Body, side_margin_m: f64) -> Footprint {
-//BODY         Footprint {
-//BODY             ahead_m: body.length_ahead_m,
-//BODY             behind_m: body.length_behind_m,
-//BODY             half_width_m: body.half_width_m + side_margin_m,
-//BODY         }
-//BODY     }
+    /// The footprint of `body`, wider by `side_margin_m` on either side.
+    pub fn of(body: &Body, side_margin_m: f64) -> Footprint {
+        Footprint {
+            ahead_m: body.length_ahead_m,
+            behind_m: body.length_behind_m,
+            half_width_m: body.half_width_m + side_margin_m,
+        }
+    }
     /// Distance of the farthest corner from the centre of rotation [m].
     pub fn corner_radius_m(&self) -> f64 {
         math::hypot(self.ahead_m.max(self.behind_m), self.half_width_m)

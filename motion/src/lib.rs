@@ -1,4 +1,14 @@
 //! Wanted velocity to safe actuator commands.
 
+pub mod drive;
 pub mod footprint;
+pub mod obstacles;
+pub mod protection;
+pub mod ramp;
+pub mod safe_motion;
 pub mod zone;
+
+use runtime::NodeType;
+
+/// Node types of this layer.
+pub const NODES: &[NodeType] = &[NodeType::of::<drive::Drive>()];

@@ -24,6 +24,9 @@ pub struct Braking {
     pub margin_m: f64,
 }
 
+/// Less room than this is none [m].
+const NO_ROOM_M: f64 = 1e-3;
+
 impl Braking {
     /// The greatest share 0…1 of `velocity` that comes to rest before a contact `contact_s` away at full pace.
     /// `corner_radius_m` bounds how fast a turn moves the body's outline.
@@ -35,7 +38,7 @@ impl Braking {
         }
         let room_s = contact_s - self.margin_m / pace_m_s;
         // Also refuses a room that is no number.
-        if room_s.is_nan() || room_s <= 0.0 {
+        if room_s.is_nan() || room_s * pace_m_s < NO_ROOM_M {
             return 0.0;
         }
         let half_brake_s = 0.5 * (v / self.deceleration_m_s2).max(w / self.turn_deceleration_rad_s2);
@@ -50,8 +53,8 @@ impl Braking {
             return f64::INFINITY;
         }
         let (a, delay) = (self.deceleration_m_s2, self.delay_s);
-        let room_m = (clear_m - self.margin_m).max(0.0);
-        a * ((delay * delay + 2.0 * room_m / a).sqrt() - delay)
+        let room_m = Some(clear_m - self.margin_m).filter(|&room| room >= NO_ROOM_M).unwrap_or(0.0);
+        2.0 * room_m / (delay + (delay * delay + 2.0 * room_m / a).sqrt())
     }
 }
 

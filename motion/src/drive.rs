@@ -1,0 +1,181 @@
+//! Wanted velocity to the command for the wheels, within the body's limits and the room that it has.
+//!
+//! Reads `velocity` (what the coordinator wants), `ranges` (a set: every ranger that watches over the body), `base`
+//! (bumpers, stalls, readiness) and `odometry` (to carry what was seen to now). Writes `command` and `state`.
+//!
+//! In this order: nothing or a stale velocity is zero; greatest speeds; barred directions after a bump or a stall; the
+//! blind cap where no ranger looks; the stop zone along the swept footprint ([`crate::zone`]); ramps. Whatever is
+//! missing makes the result slower, never faster.
+
+use crate::footprint::Velocity;
+use crate::obstacles::Obstacles;
+use crate::safe_motion::{SafeMotion, Surroundings};
+use messages::{BaseState, Command, MotionState, Odometry, Ranges, Twist};
+use runtime::{Fault, Layer, Node, OpenError, Ports, Reader, Set, Time, Writer};
+use schemars::JsonSchema;
+use serde::Deserialize;
+
+/// Settings of [`Drive`]. The body's size and greatest values come from the robot file's `[body]`.
+#[derive(Debug, Clone, PartialEq, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct DriveConfig {
+    /// Longest time from an obstacle's coming into sight to a sample that shows it [s].
+    pub sense_s: f64,
+    /// Longest time from that sample to the wheels' first slowing [s].
+    pub react_s: f64,
+    /// Way left between the body and an obstacle when it has come to rest [m].
+    pub margin_m: f64,
+    /// Added to either side of the body [m].
+    pub side_margin_m: f64,
+    /// A direction that no beam younger than this looks along is blind [s].
+    pub looks_max_age_s: f64,
+    /// Greatest turn rate while no ranger sees anything anywhere [rad/s].
+    pub blind_turn_rad_s: f64,
+    /// Greatest speed on the way out of a protective stop [m/s].
+    pub way_out_m_s: f64,
+    /// How long a bumper or a stall must be over before motion goes on [s].
+    pub release_after_s: f64,
+    /// Whether a protective stop ends by itself; otherwise somebody must also have wanted zero.
+    pub release_by_itself: bool,
+    /// How long a command counts [s].
+    pub command_valid_s: f64,
+    /// Whether motor power is wanted.
+    pub enable_motors: bool,
+    /// Obstacles farther away than this are left out [m].
+    pub horizon_m: f64,
+    /// Most points of obstacles.
+    pub capacity: usize,
+}
+
+impl Default for DriveConfig {
+    fn default() -> DriveConfig {
+        DriveConfig {
+            sense_s: 0.1,
+            react_s: 0.2,
+            margin_m: 0.04,
+            side_margin_m: 0.01,
+            looks_max_age_s: 0.6,
+            blind_turn_rad_s: 0.2,
+            way_out_m_s: 0.05,
+            release_after_s: 0.5,
+            release_by_itself: true,
+            command_valid_s: 0.3,
+            enable_motors: true,
+            horizon_m: 1.5,
+            capacity: 512,
+        }
+    }
+}
+
+/// The node.
+pub struct Drive {
+    velocity: Reader<Twist>,
+    ranges: Set<Ranges>,
+    base: Reader<BaseState>,
+    odometry: Reader<Odometry>,
+    command: Writer<Command>,
+    state: Writer<MotionState>,
+    obstacles: Obstacles,
+    /// Tells whether the set of ranges is another than at the last step.
+    fingerprint: u64,
+    last_step: Option<Time>,
+    safe: SafeMotion,
+    config: DriveConfig,
+}
+
+impl Node for Drive {
+    const TYPE: &'static str = "drive";
+    const LAYER: Layer = Layer::Motion;
+    type Config = DriveConfig;
+
+    fn open(ports: &mut Ports, config: DriveConfig) -> Result<Drive, OpenError> {
+        check(&config).map_err(OpenError::config)?;
+        let safe = SafeMotion::new(ports.body(), &config);
+        Ok(Drive {
+            velocity: ports.reader("velocity")?,
+            ranges: ports.set("ranges")?,
+            base: ports.reader("base")?,
+            odometry: ports.optional_reader("odometry")?,
+            command: ports.writer("command")?,
+            state: ports.writer("state")?,
+            obstacles: Obstacles::new(config.capacity, config.horizon_m),
+            fingerprint: 0,
+            last_step: None,
+            safe,
+            config,
+        })
+    }
+
+    fn step(&mut self, now: Time) -> Result<(), Fault> {
+        self.take_ranges();
+        let dt_s = self.last_step.map_or(0.0, |last| now.since(last)).min(LONGEST_STEP_S);
+        self.last_step = Some(now);
+        let wanted = self.velocity.fresh(now).map(|twist| velocity_of(&twist));
+        let measured = self.odometry.fresh(now).map(|odometry| velocity_of(&odometry.velocity));
+        let measured = measured.filter(|v| v.is_finite()).unwrap_or(self.safe.sent());
+        let base = self.base.fresh(now).map(|base| *base.message);
+        let (points, seen) = self.obstacles.carried(now, measured, self.ranges.max_age_s());
+        let surroundings = Surroundings { points, seen };
+        let state = self.safe.decide(now, dt_s, wanted, base.as_ref(), &surroundings);
+        let command = Command {
+            velocity: state.sent,
+            valid_for_s: self.config.command_valid_s,
+            enable: u64::from(self.config.enable_motors),
+        };
+        self.command.write(now, &command);
+        self.state.write(now, &state);
+        Ok(())
+    }
+}
+
+/// A step after a longer pause counts as this long, so that no pause allows a jump [s].
+const LONGEST_STEP_S: f64 = 0.1;
+
+impl Drive {
+    /// Turns beams into points again, if there are other samples than at the last step.
+    fn take_ranges(&mut self) {
+        let mut fingerprint = 1_u64;
+        self.ranges.each(|_, sample| {
+            let mixed = fingerprint.rotate_left(21) ^ sample.sequence ^ sample.generation.rotate_left(40);
+            fingerprint = mixed.wrapping_mul(0x9E37_79B9_7F4A_7C15);
+        });
+        if fingerprint == self.fingerprint {
+            return;
+        }
+        self.fingerprint = fingerprint;
+        self.obstacles.clear();
+        let obstacles = &mut self.obstacles;
+        self.ranges.each(|_, sample| obstacles.take(sample.stamp, sample.message, sample.tail));
+    }
+}
+
+fn velocity_of(twist: &Twist) -> Velocity {
+    Velocity::new(twist.linear_x_m_s, twist.angular_z_rad_s)
+}
+
+fn check(config: &DriveConfig) -> Result<(), String> {
+    let c = config;
+    for (key, value) in [
+        ("sense_s", c.sense_s),
+        ("react_s", c.react_s),
+        ("margin_m", c.margin_m),
+        ("side_margin_m", c.side_margin_m),
+        ("looks_max_age_s", c.looks_max_age_s),
+        ("blind_turn_rad_s", c.blind_turn_rad_s),
+        ("way_out_m_s", c.way_out_m_s),
+        ("release_after_s", c.release_after_s),
+        ("command_valid_s", c.command_valid_s),
+        ("horizon_m", c.horizon_m),
+    ] {
+        if !value.is_finite() || value < 0.0 {
+            return Err(format!("{key} = {value} must be a number, zero or greater"));
+        }
+    }
+    if c.command_valid_s == 0.0 {
+        return Err("command_valid_s = 0 would make every command stale at once; write 0.3 or so".into());
+    }
+    if !(16..=8192).contains(&c.capacity) {
+        return Err(format!("capacity = {} must be 16 to 8192 points", c.capacity));
+    }
+    Ok(())
+}
