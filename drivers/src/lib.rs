@@ -3,3 +3,8 @@
 //! One folder per device model; inside it `protocol` is pure (bytes in, values out) and apart from the node.
 
 pub mod p2os;
+
+use runtime::NodeType;
+
+/// The drivers that a robot file can name.
+pub const NODES: &[NodeType] = &[NodeType::of::<p2os::P2os>()];

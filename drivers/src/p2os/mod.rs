@@ -1,16 +1,35 @@
 //! ActivMedia/MobileRobots Pioneer (P2OS, AROS, ARCOS) over a serial line, TCP or a pseudo-terminal.
+//!
+//! | file | what |
+//! |---|---|
+//! | [`protocol`] | frame, checksum, commands; [`numbers`] their numbers |
+//! | [`sip`], [`config`] | the robot's packets, parsed and encoded |
+//! | [`model`] | factors, sonar poses, body of each model |
+//! | [`session`] | handshake, watchdog feeding, recovery |
+//! | [`drive`] | which motion command goes out next, and who may have motor power |
+//! | [`dead_reckoning`], [`sonar_ring`] | from packets to odometry and beams |
+//! | [`settings`], [`P2os`] | the node |
+//!
+//! All but the node is pure. `protocol`, `sip`, `config` and `model` serve both ends: a simulated microcontroller uses
+//! the same files.
 
 pub mod config;
 pub mod dead_reckoning;
 pub mod drive;
+mod encoders;
 mod fields;
 mod framer;
 pub mod model;
+mod node;
 pub mod numbers;
 pub mod protocol;
 mod queue;
 pub mod session;
+pub mod settings;
 pub mod sip;
 pub mod sonar_ring;
 
+pub use encoders::Encoders;
 pub use fields::{Fields, MAX_TEXT, Text};
+pub use node::P2os;
+pub use settings::P2osConfig;

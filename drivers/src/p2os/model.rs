@@ -11,7 +11,8 @@ pub const TURN_RATE_RAD_S_PER_UNIT: f64 = PI / 1800.0;
 pub const SONARS: usize = 16;
 
 /// Where a transducer sits and looks.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, serde::Deserialize, schemars::JsonSchema)]
+#[serde(deny_unknown_fields)]
 pub struct SonarPose {
     /// Ahead of the centre of rotation [m].
     pub x_m: f64,
@@ -21,7 +22,7 @@ pub struct SonarPose {
     pub bearing_rad: f64,
 }
 
-/// One model's figures.
+/// One model's figures. The vendor's "DiffConvFactor" is `turn_rad_per_m` / 1000.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Model {
     /// Class in the identity.

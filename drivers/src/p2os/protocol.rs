@@ -43,6 +43,14 @@ pub const KIND_TEXT: u8 = 0x2B;
 /// Resolution of VEL2's wheel speeds [mm/s].
 pub const VEL2_UNIT_MM_S: i32 = 20;
 
+/// STOP, ENABLE 0, CLOSE: what a driver sends last, and what others may send for one that died.
+#[rustfmt::skip]
+pub const STOP_PACKETS: [u8; 24] = [
+    0xFA, 0xFB, 3, command::STOP, 0, command::STOP, //
+    0xFA, 0xFB, 6, command::ENABLE, KIND_POSITIVE, 0, 0, command::ENABLE, KIND_POSITIVE, //
+    0xFA, 0xFB, 6, command::CLOSE, KIND_POSITIVE, 1, 0, command::CLOSE + 1, KIND_POSITIVE,
+];
+
 /// Checksum of a payload: sum of big-endian words modulo 65536; an odd last byte is XORed into the low byte.
 pub fn checksum(payload: &[u8]) -> u16 {
     let (pairs, rest) = payload.as_chunks::<2>();

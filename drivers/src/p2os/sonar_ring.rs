@@ -1,7 +1,7 @@
 //! The ring of sonars: gathers the few new readings of each SIP into one set of beams, each with its age and, where
 //! it has no value, the reason.
 
-use super::model::{Model, SONARS, SonarPose};
+use super::model::{Model, SONARS};
 use super::sip::Reading;
 use messages::{Beam, Echo, Ranges};
 use runtime::Time;
@@ -74,17 +74,10 @@ impl SonarRing {
     /// Writes a beam per fitted transducer into `beams`; returns the sample's fixed part and how many there are.
     ///
     /// Stamp of the sample: `now`. Age: since the packet that brought the reading; the ping itself is up to 100 ms older.
-    pub fn beams(
-        &self,
-        now: Time,
-        condition: Condition,
-        model: &Model,
-        poses: &[SonarPose; SONARS],
-        beams: &mut [Beam; SONARS],
-    ) -> (Ranges, usize) {
+    pub fn beams(&self, now: Time, condition: Condition, model: &Model, beams: &mut [Beam; SONARS]) -> (Ranges, usize) {
         let (mut oldest_s, mut newest_s) = (0.0f64, f64::INFINITY);
         for (beam, number) in beams.iter_mut().zip(&self.fitted[..self.count]) {
-            let pose = &poses[*number];
+            let pose = &model.sonar[*number];
             let last = self.last[*number];
             let age_s = now.since(last.map_or(self.since, |(at, _)| at));
             let (echo, range_m) = judge(condition, last.map(|(_, range_m)| range_m), age_s, model);
@@ -134,7 +127,7 @@ mod tests {
     fn beams(ring: &SonarRing, now: Time, condition: Condition) -> (Ranges, Vec<Beam>) {
         let model = model::named("p3dx-sh").unwrap();
         let mut beams = [BLANK; SONARS];
-        let (ranges, count) = ring.beams(now, condition, model, &model.sonar, &mut beams);
+        let (ranges, count) = ring.beams(now, condition, model, &mut beams);
         (ranges, beams[..count].to_vec())
     }
 

@@ -1,0 +1,525 @@
+//! The robot resource manager (S1): owns the microcontroller of a Pioneer and offers it as paths.
+//!
+//! Its six duties: to establish and keep contact ([`session`](super::session)), to receive and process packets, to
+//! deliver the packets of its client, to check and recover from errors, to keep its paths fresh in time, and to obey
+//! the operator.
+//!
+//! | path or call | type | when |
+//! |---|---|---|
+//! | reads `command` | Command | sent on change, repeated; stale, expired or not finite counts as velocity zero |
+//! | writes `sonar` | Ranges, a [`Beam`] per fitted transducer | each SIP, and at least at 2.5 Hz, also without a link |
+//! | writes `odometry` | Odometry | each SIP |
+//! | writes `state` | BaseState | each SIP, and at least at 2.5 Hz, also without a link |
+//! | writes `encoders` | Encoders, where the settings ask | each encoder packet |
+//! | `enable` | Switch → Done | motor power; "on" also ends a `stop`; see [`drive`](super::drive) |
+//! | `stop` | Trigger → Done | velocity zero until the operator's `enable` |
+//! | `switch_sonar` | Switch → Done | all sonars on or off |
+//! | `set_origin` | Trigger → Done | the odometry's zero is here |
+//! | `sound` | Sound → Done | one tone |
+//!
+//! A missing link is data, no fault: `state.link` says which, every beam says `link_lost`. One command goes out per
+//! step at most (the firmware loses denser ones), so the node wants a short period: 10 ms beside the triggers
+//! `device` and `command`.
+
+use super::dead_reckoning::DeadReckoning;
+use super::drive::{Drive, quantize};
+use super::encoders::Encoders;
+use super::model::{self, Model, SONARS};
+use super::protocol::{Argument, MAX_PACKET, STOP_PACKETS, command, flag};
+use super::session::{Demand, Event, Port, Session};
+use super::settings::{P2osConfig, SonarArray};
+use super::sip::Sip;
+use super::sonar_ring::{Condition, SonarRing};
+use messages::{BaseState, Beam, Command, Done, Link, Message, Odometry, Ranges, Sound, Switch, Trigger};
+use runtime::device::{Address, DeviceLink};
+use runtime::{Body, CallPort, Device, Fault, Layer, Node, OpenError, Ports, Reader, Request, Time, Writer};
+
+/// Paths are written at least this often [s].
+const REFRESH_S: f64 = 0.4;
+/// A SONAR command that the robot does not follow is repeated this often [s].
+const SONAR_REPEAT_S: f64 = 1.0;
+/// Unit of the piezo's durations [s].
+const SAY_UNIT_S: f64 = 0.02;
+
+const NOT_CONNECTED: &str = "the robot is not connected: see `link` of the state";
+const BUSY: &str = "too many commands wait: try again";
+
+/// A Pioneer base; see the module's text.
+pub struct P2os {
+    device: Device,
+    session: Session,
+    base: Base,
+    paths: Paths,
+    command: Reader<Command>,
+    calls: Calls,
+    settings: P2osConfig,
+    body: Body,
+    /// Commands from before the connection do not count.
+    connected_at: Time,
+    refused_commands: u64,
+    sonar_wanted: bool,
+    sonar_said: Time,
+    received: [u8; 512],
+}
+
+/// What is known of the base.
+struct Base {
+    model: Model,
+    reckoning: DeadReckoning,
+    ring: SonarRing,
+    drive: Drive,
+    max_speed_m_s: f64,
+    max_turn_rad_s: f64,
+    sip: Option<Sip>,
+    /// A handshake was done in this step.
+    has_connected: bool,
+    connections: u32,
+}
+
+/// What is written.
+struct Paths {
+    sonar: Writer<Ranges>,
+    odometry: Writer<Odometry>,
+    state: Writer<BaseState>,
+    encoders: Option<Writer<Encoders>>,
+    beams: [Beam; SONARS],
+    /// Newest stamp written, so that stamps never go back.
+    written: Time,
+    /// Stamp of a SIP that came in this step.
+    news: Option<Time>,
+    link: Option<Link>,
+}
+
+/// The operator's calls.
+struct Calls {
+    enable: CallPort<Switch, Done>,
+    stop: CallPort<Trigger, Done>,
+    sonar: CallPort<Switch, Done>,
+    set_origin: CallPort<Trigger, Done>,
+    sound: CallPort<Sound, Done>,
+}
+
+/// What an operator may want.
+enum Order {
+    Enable(bool),
+    Stop,
+    Sonar(bool),
+    SetOrigin,
+    Sound(Sound),
+}
+
+impl Node for P2os {
+    const TYPE: &'static str = "p2os";
+    const LAYER: Layer = Layer::Drivers;
+    type Config = P2osConfig;
+
+    fn open(ports: &mut Ports, settings: P2osConfig) -> Result<P2os, OpenError> {
+        settings.check()?;
+        let device = ports.device(&settings.device)?;
+        let line_baud = match device.address() {
+            Address::Serial { baud, .. } => Some(*baud),
+            Address::Memory { baud, .. } => *baud,
+            _ => None,
+        };
+        let has = |array| settings.sonar_arrays.contains(&array);
+        let ring = SonarRing::new(has(SonarArray::Front), has(SonarArray::Rear));
+        let model = settings.model();
+        Ok(P2os {
+            session: Session::new(settings.session(line_baud)),
+            base: Base {
+                reckoning: DeadReckoning::new(settings.drift),
+                ring,
+                drive: Drive::new(settings.repeat_ms * 1e-3, settings.after_loss),
+                max_speed_m_s: model.max_speed_m_s,
+                max_turn_rad_s: model.max_turn_rad_s,
+                model,
+                sip: None,
+                has_connected: false,
+                connections: 0,
+            },
+            paths: Paths {
+                sonar: ports.writer_with_tail("sonar", SONARS)?,
+                odometry: ports.writer("odometry")?,
+                state: ports.writer("state")?,
+                encoders: if settings.encoders { Some(ports.writer("encoders")?) } else { None },
+                beams: [NO_BEAM; SONARS],
+                written: Time::ZERO,
+                news: None,
+                link: None,
+            },
+            command: ports.reader("command")?,
+            calls: Calls {
+                enable: ports.call("enable")?,
+                stop: ports.call("stop")?,
+                sonar: ports.call("switch_sonar")?,
+                set_origin: ports.call("set_origin")?,
+                sound: ports.call("sound")?,
+            },
+            body: *ports.body(),
+            device,
+            connected_at: Time::ZERO,
+            refused_commands: 0,
+            sonar_wanted: settings.sonar_on,
+            sonar_said: Time::ZERO,
+            received: [0; 512],
+            settings,
+        })
+    }
+
+    fn step(&mut self, now: Time) -> Result<(), Fault> {
+        self.receive(now);
+        if std::mem::take(&mut self.base.has_connected) {
+            self.connected(now);
+        }
+        self.obey_operator(now);
+        self.obey_command(now);
+        self.keep_sonar(now);
+        self.send(now);
+        self.paths.refresh(now, &self.base, &self.session);
+        Ok(())
+    }
+
+    fn stop(&mut self, _now: Time) {
+        // Nobody listens any more when this fails; the controller's watchdog is the last resort.
+        let _ = self.device.send(&STOP_PACKETS);
+    }
+}
+
+impl P2os {
+    fn receive(&mut self, now: Time) {
+        self.session.port(now, port(self.device.link()));
+        loop {
+            let count = self.device.receive(&mut self.received);
+            if count == 0 {
+                break;
+            }
+            let at = self.device.arrived().max(self.paths.written).min(now);
+            let P2os { session, base, paths, settings, received, .. } = self;
+            session.receive(now, &received[..count], |event| base.take(at, event, settings, paths));
+        }
+        let P2os { session, base, paths, settings, .. } = self;
+        match session.tick(now, |event| base.take(now, event, settings, paths)) {
+            Some(Demand::Reopen) => self.device.reopen(),
+            Some(Demand::Baud(baud)) => self.device.set_baud(baud),
+            None => {}
+        }
+        if !self.session.is_running() {
+            self.base.sip = None;
+        }
+    }
+
+    /// Tells a robot that has just come up how it is to behave.
+    fn connected(&mut self, now: Time) {
+        self.connected_at = now;
+        self.sonar_said = now;
+        let session = &mut self.session;
+        let mut tell = |number, value| session.enqueue(number, Argument::Integer(value));
+        tell(command::SONAR, i32::from(self.sonar_wanted));
+        if let Some(mode) = self.settings.bumper_stop {
+            tell(command::BUMPSTALL, i32::from(mode));
+        }
+        if self.settings.sends_limits {
+            for (number, value) in limits(&self.body).into_iter().filter(|(_, value)| *value != 0) {
+                tell(number, value);
+            }
+        }
+        if self.settings.encoders {
+            tell(command::ENCODER, 2);
+        }
+    }
+
+    fn obey_operator(&mut self, now: Time) {
+        while let Some(request) = self.calls.enable.take() {
+            let result = self.operate(now, Order::Enable(request.message.on != 0));
+            reply(&mut self.calls.enable, request, now, result);
+        }
+        while let Some(request) = self.calls.stop.take() {
+            let result = self.operate(now, Order::Stop);
+            reply(&mut self.calls.stop, request, now, result);
+        }
+        while let Some(request) = self.calls.sonar.take() {
+            let result = self.operate(now, Order::Sonar(request.message.on != 0));
+            reply(&mut self.calls.sonar, request, now, result);
+        }
+        while let Some(request) = self.calls.set_origin.take() {
+            let result = self.operate(now, Order::SetOrigin);
+            reply(&mut self.calls.set_origin, request, now, result);
+        }
+        while let Some(request) = self.calls.sound.take() {
+            let result = self.operate(now, Order::Sound(request.message));
+            reply(&mut self.calls.sound, request, now, result);
+        }
+    }
+
+    /// Does what the operator wants, or says why not.
+    fn operate(&mut self, now: Time, order: Order) -> Result<(), &'static str> {
+        let is_running = self.session.is_running();
+        let mut tell = |number, argument| match is_running {
+            false => Err(NOT_CONNECTED),
+            true if self.session.enqueue(number, argument) => Ok(()),
+            true => Err(BUSY),
+        };
+        match order {
+            Order::Enable(true) if !is_running => Err(NOT_CONNECTED),
+            Order::Enable(on) => {
+                self.base.drive.operator(on);
+                Ok(())
+            }
+            Order::Stop => {
+                self.base.drive.halt();
+                Ok(())
+            }
+            Order::Sonar(on) => {
+                self.sonar_wanted = on;
+                self.sonar_said = Time::ZERO;
+                Ok(())
+            }
+            Order::SetOrigin => {
+                tell(command::SETO, Argument::None)?;
+                self.base.reckoning.set_origin(now);
+                Ok(())
+            }
+            Order::Sound(sound) => {
+                let pair = tone(&sound)?;
+                tell(command::SAY, Argument::Text(&pair))
+            }
+        }
+    }
+
+    fn obey_command(&mut self, now: Time) {
+        let drive = &mut self.base.drive;
+        let sample = self.command.fresh(now).filter(|sample| sample.stamp >= self.connected_at);
+        match sample.map_or(Wish::Nothing, |sample| judge(now, sample.stamp, sample.message)) {
+            Wish::Nothing => drive.want(quantize(0.0, 0.0, 0.0, 0.0)),
+            Wish::Refused => {
+                self.refused_commands = self.refused_commands.saturating_add(1);
+                drive.want(quantize(0.0, 0.0, 0.0, 0.0));
+            }
+            Wish::Move { forward_m_s, turn_rad_s, enable } => {
+                drive.command(enable);
+                drive.want(quantize(forward_m_s, turn_rad_s, self.base.max_speed_m_s, self.base.max_turn_rad_s));
+            }
+        }
+    }
+
+    /// Says SONAR again where the robot's flags do not show what is wanted.
+    fn keep_sonar(&mut self, now: Time) {
+        let Some(flags) = self.base.sip.and_then(|sip| sip.flags) else { return };
+        let is_on = flags & flag::SONAR_ARRAYS != 0;
+        if is_on != self.sonar_wanted && now.since(self.sonar_said) >= SONAR_REPEAT_S {
+            self.sonar_said = now;
+            self.session.enqueue(command::SONAR, Argument::Integer(i32::from(self.sonar_wanted)));
+        }
+    }
+
+    fn send(&mut self, now: Time) {
+        let mut packet = [0; MAX_PACKET];
+        while self.session.may_send(now) {
+            let drive = &mut self.base.drive;
+            let is_running = self.session.is_running();
+            // Decelerations first, then what waits, then velocities.
+            let length = if let Some((number, value)) = is_running.then(|| drive.urgent(now)).flatten() {
+                self.session.next_direct(now, number, Argument::Integer(value), &mut packet)
+            } else if let Some(length) = self.session.next_queued(now, &mut packet) {
+                Some(length)
+            } else if let Some((number, value)) = is_running.then(|| drive.next(now)).flatten() {
+                self.session.next_direct(now, number, Argument::Integer(value), &mut packet)
+            } else {
+                self.session.next_pulse(now, &mut packet)
+            };
+            let Some(length) = length else { break };
+            // A refused packet is lost as on a bad line; all that matters is repeated.
+            let _ = self.device.send(&packet[..length]);
+        }
+    }
+}
+
+impl Base {
+    fn take(&mut self, at: Time, event: Event, settings: &P2osConfig, paths: &mut Paths) {
+        match event {
+            Event::Connected(identity) => {
+                if settings.is_auto()
+                    && let Some(known) = model::find(identity.class.as_str(), identity.subclass.as_str())
+                {
+                    self.model = settings.adapt(known);
+                }
+                let first = self.connections == 0;
+                self.connections = self.connections.saturating_add(1);
+                self.max_speed_m_s = self.model.max_speed_m_s;
+                self.max_turn_rad_s = self.model.max_turn_rad_s;
+                self.reckoning.connected(first);
+                self.ring.restart(at);
+                self.drive.connected(first);
+                self.has_connected = true;
+            }
+            Event::Sip(sip) => {
+                let was_off = self.sip.and_then(|last| last.flags).is_some_and(|flags| flags & flag::SONAR_ARRAYS == 0);
+                if was_off && condition(Some(sip)) == Condition::Firing {
+                    self.ring.restart(at);
+                }
+                self.sip = Some(*sip);
+                self.ring.update(at, &sip.sonar, &self.model);
+                if let Some(flags) = sip.flags {
+                    self.drive.device(flags & flag::MOTORS != 0);
+                }
+                if let Some(odometry) = self.reckoning.update(at, sip, &self.model) {
+                    paths.odometry.write(at, &odometry);
+                }
+                paths.write_sonar(at, condition(Some(sip)), &self.ring, &self.model);
+                paths.news = Some(at);
+            }
+            Event::Config(config) => {
+                // Zero means "not told".
+                if config.translation_speed_top > 0 {
+                    let top_m_s = f64::from(config.translation_speed_top) * 1e-3;
+                    self.max_speed_m_s = self.model.max_speed_m_s.min(top_m_s);
+                }
+                if config.rotation_speed_top > 0 {
+                    let top_rad_s = f64::from(config.rotation_speed_top).to_radians();
+                    self.max_turn_rad_s = self.model.max_turn_rad_s.min(top_rad_s);
+                }
+            }
+            Event::Encoder(ticks) => {
+                if let Some(encoders) = &mut paths.encoders {
+                    encoders.write(at, &Encoders { left_ticks: ticks.left.into(), right_ticks: ticks.right.into() });
+                }
+            }
+            Event::Other(_) => {}
+        }
+    }
+}
+
+impl Paths {
+    fn write_sonar(&mut self, at: Time, condition: Condition, ring: &SonarRing, model: &Model) {
+        let (ranges, count) = ring.beams(at, condition, model, &mut self.beams);
+        self.sonar.write_with_tail(at, &ranges, &self.beams[..count]);
+        self.written = at;
+    }
+
+    /// Writes the state after a SIP, and all that can be written without one where it is time.
+    fn refresh(&mut self, now: Time, base: &Base, session: &Session) {
+        let link = session.link();
+        let news = self.news.take();
+        if news.is_none() && self.link == Some(link) && now.since(self.written) < REFRESH_S {
+            return;
+        }
+        if news.is_none() || link != Link::Up {
+            let condition = if link == Link::Up { condition(base.sip.as_ref()) } else { Condition::LinkLost };
+            self.write_sonar(now, condition, &base.ring, &base.model);
+        }
+        self.link = Some(link);
+        self.state.write(self.written, &state(base.sip.as_ref(), session));
+    }
+}
+
+const NO_BEAM: Beam = Beam { origin_x_m: 0.0, origin_y_m: 0.0, bearing_rad: 0.0, range_m: 0.0, age_s: 0.0, echo: 0 };
+
+/// What a sample of `command` asks for.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Wish {
+    /// It is too old: stand.
+    Nothing,
+    /// It holds numbers that are none: stand.
+    Refused,
+    /// A velocity and whether the motors are wanted.
+    Move { forward_m_s: f64, turn_rad_s: f64, enable: bool },
+}
+
+/// Reads one command. A body of this kind cannot move sideways; what asks for it is ignored.
+fn judge(now: Time, stamp: Time, command: &Command) -> Wish {
+    let velocity = command.velocity;
+    if !velocity.linear_x_m_s.is_finite() || !velocity.angular_z_rad_s.is_finite() || command.valid_for_s.is_nan() {
+        return Wish::Refused;
+    }
+    if now.since(stamp) > command.valid_for_s {
+        return Wish::Nothing;
+    }
+    Wish::Move { forward_m_s: velocity.linear_x_m_s, turn_rad_s: velocity.angular_z_rad_s, enable: command.enable != 0 }
+}
+
+/// SAY's pair of duration and tone, or why there is none.
+fn tone(sound: &Sound) -> Result<[u8; 2], &'static str> {
+    let units = (sound.duration_s / SAY_UNIT_S).round();
+    if sound.note > 127 {
+        return Err("note is 0 for a rest or 1 to 127 after MIDI");
+    }
+    if !(1.0..=255.0).contains(&units) {
+        return Err("duration_s lies between 0.02 and 5.1");
+    }
+    Ok([units as u8, sound.note as u8])
+}
+
+/// What the robot is told of its body: caps and ramps as (command, argument); zero where the body does not say.
+fn limits(body: &Body) -> [(u8, i32); 6] {
+    let whole = |value: f64| if value.is_finite() { value.round().clamp(0.0, 32_767.0) as i32 } else { 0 };
+    let speed = whole(body.max_forward_m_s.max(body.max_backward_m_s) * 1e3);
+    let turn = whole(body.max_turn_rad_s.to_degrees().ceil());
+    let turn_ramp = whole(body.turn_acceleration_rad_s2.to_degrees());
+    [
+        (command::SETV, speed),
+        (command::SETA, whole(body.acceleration_m_s2 * 1e3)),
+        (command::SETA, -whole(body.deceleration_m_s2 * 1e3)),
+        (command::SETRV, turn),
+        (command::SETRA, turn_ramp),
+        (command::SETRA, -turn_ramp),
+    ]
+}
+
+fn reply<Q: Message>(port: &mut CallPort<Q, Done>, request: Request<Q>, now: Time, result: Result<(), &'static str>) {
+    match result {
+        Ok(()) => port.answer(request, &Done { at_ns: now.nanos() }),
+        Err(reason) => port.refuse(request, reason),
+    }
+}
+
+fn port(link: DeviceLink) -> Port {
+    match link {
+        DeviceLink::Closed { .. } => Port::Closed,
+        DeviceLink::Opening => Port::Opening,
+        DeviceLink::Open { generation } => Port::Open(generation),
+    }
+}
+
+/// Whether the sonars fire, as far as the newest SIP of a living link says.
+fn condition(sip: Option<&Sip>) -> Condition {
+    match sip.and_then(|sip| sip.flags) {
+        Some(flags) if flags & flag::SONAR_ARRAYS == 0 => Condition::Off,
+        _ => Condition::Firing,
+    }
+}
+
+/// The state as the newest SIP tells it; without a link only the link's own words.
+fn state(sip: Option<&Sip>, session: &Session) -> BaseState {
+    let count = |value: u64| u32::try_from(value).unwrap_or(u32::MAX);
+    let framer = session.framer();
+    let blank = BaseState {
+        battery_v: f64::NAN,
+        charge: f64::NAN,
+        link: session.link() as u32,
+        connections: session.connections(),
+        packets: count(framer.packets()),
+        checksum_errors: count(framer.checksum_errors()),
+        skipped_bytes: count(framer.skipped_bytes()),
+        ..BaseState::default()
+    };
+    let Some(sip) = sip else { return blank };
+    let is_set = |bits: u16| u32::from(sip.flags.unwrap_or(0) & bits != 0);
+    let coarse_dv = sip.battery_dv.map(u16::from);
+    let battery_dv = sip.battery_fine_dv.filter(|dv| *dv > 0).or(coarse_dv);
+    BaseState {
+        battery_v: battery_dv.map_or(f64::NAN, |dv| f64::from(dv) * 0.1),
+        // Simulators and older boards leave it at zero.
+        charge: sip
+            .charge_percent
+            .filter(|percent| (1..=100).contains(percent))
+            .map_or(f64::NAN, |p| f64::from(p) * 0.01),
+        front_bumpers: sip.front_bumpers(),
+        rear_bumpers: sip.rear_bumpers(),
+        stall_left: u32::from(sip.is_left_stalled()),
+        stall_right: u32::from(sip.is_right_stalled()),
+        motors_enabled: is_set(flag::MOTORS),
+        sonar_enabled: is_set(flag::SONAR_ARRAYS),
+        stop_button: is_set(flag::STOP_BUTTON),
+        ..blank
+    }
+}
