@@ -17,7 +17,7 @@ use crate::time::Time;
 use std::path::PathBuf;
 use std::rc::Rc;
 use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
-use std::sync::{Arc, Barrier, Mutex};
+use std::sync::{Arc, Barrier, Mutex, OnceLock};
 
 /// How the nodes of a process are run.
 #[derive(Debug, Clone)]
@@ -71,11 +71,9 @@ const STATISTICS_S: f64 = 1.0;
 /// How often a node looks for rings that were absent [s].
 const REBIND_S: f64 = 0.25;
 
-/// Words to bump when the process is asked to stop.
-static WORDS: Mutex<Vec<PrivateWord>> = Mutex::new(Vec::new());
-
-/// The stop signal's handler may not take a lock: the words are leaked into this list before signals are caught.
-static STOP_WORDS: std::sync::OnceLock<Vec<PrivateWord>> = std::sync::OnceLock::new();
+/// Words to bump when the process is asked to stop. The signal's handler may not take a lock: they are set once, before
+/// signals are caught.
+static STOP_WORDS: OnceLock<Vec<PrivateWord>> = OnceLock::new();
 
 fn wake_all() {
     for word in STOP_WORDS.get().into_iter().flatten() {
@@ -99,7 +97,6 @@ pub fn run(
         }
     }
     let words: Vec<PrivateWord> = specs.iter().map(|_| PrivateWord::new()).collect();
-    WORDS.lock().unwrap_or_else(|e| e.into_inner()).extend(words.iter().cloned());
     let _ = STOP_WORDS.set(words.clone());
     sys::catch_stop_signals(wake_all);
     let barrier = Arc::new(Barrier::new(specs.len() + 1));
@@ -143,6 +140,9 @@ pub fn run(
     }
 }
 
+/// What the step's thread was granted, once that is known.
+type Granted = Arc<OnceLock<Grants>>;
+
 /// Starts the node's waiting thread, one priority above its step, so that no caller waits for a step.
 fn spawn_pump(
     ports: &mut Ports,
@@ -150,7 +150,7 @@ fn spawn_pump(
     robot: &Robot,
     options: &LiveOptions,
     notifier: Notifier,
-) -> Result<(Pump, Arc<StepWatch>), OpenError> {
+) -> Result<(Pump, Arc<StepWatch>, Granted), OpenError> {
     let mut pump = std::mem::replace(&mut ports.pump, PumpBuilder::new(&spec.path()));
     pump.notify(notifier);
     let (realtime, priority, path) = (robot.realtime, spec.priority + 1, spec.path());
@@ -159,6 +159,14 @@ fn spawn_pump(
         if grants.refused() {
             eprintln!("{grants}");
         }
+    });
+    let told: Granted = Arc::default();
+    let (state, type_name, seed) = (told.clone(), spec.kind.name, options.seed);
+    let path = spec.path();
+    pump.state(move || {
+        let granted = state.get().map_or_else(|| "starting".to_owned(), ToString::to_string);
+        serde_json::json!({ "node": path, "type": type_name, "pid": std::process::id(), "seed": seed, "granted": granted })
+            .to_string()
     });
     if options.fence {
         pump.take_over();
@@ -174,7 +182,7 @@ fn spawn_pump(
     }
     let step_watch = pump.step_watch();
     let pump = pump.spawn(&options.root).map_err(|e| OpenError::Device { reason: e.to_string() })?;
-    Ok((pump, step_watch))
+    Ok((pump, step_watch, told))
 }
 
 /// Tells the supervisor that this process is ready, where one is listening (`SINEW_READY_FD`).
@@ -234,8 +242,9 @@ impl NodeThread {
                 word.bump();
             })
         };
-        let (pump, step_watch) = spawn_pump(&mut opened.ports, spec, robot, options, notifier).map_err(fail)?;
+        let (pump, step_watch, told) = spawn_pump(&mut opened.ports, spec, robot, options, notifier).map_err(fail)?;
         let grants = realtime::apply(&robot.realtime, spec.priority, &spec.path());
+        let _ = told.set(grants.clone());
         let start = clock::now();
         let triggers: Vec<Rc<Input>> = opened
             .ports
