@@ -14,11 +14,13 @@
 //! | `succession` | from one writer to the next |
 //! | `tree`, `shared`, `local`, `folder`, `path`, `lock` | names; one writer per name |
 //! | `wait`, `helper`, `futex` | sleeping on several channels at once |
+//! | `bare` | the floor that benchmarks compare with |
 //!
 //! What one writer per path rests on: between users the files' modes, which the kernel enforces; under one user the lock,
 //! which honest programs take, and the supervisor.
 #![allow(unsafe_code)] // maps, atomics over them, signals: each block says why it holds
 
+mod bare;
 mod error;
 mod fault;
 mod folder;
@@ -44,6 +46,7 @@ mod atomic {
     pub use std::sync::atomic::{AtomicU32, AtomicU64, Ordering, fence};
 }
 
+pub use bare::BarePair;
 pub use error::{ChannelError, ReadError};
 pub use layout::Geometry;
 pub use reader::{Expect, RawReader, SlotWords};
