@@ -1,0 +1,28 @@
+//! What the binary brings along: every node type, and the default robot.
+
+use runtime::NodeType;
+use runtime::robot::Embedded;
+
+/// Every node type that is built in, in flow order, and the user's behind them.
+pub fn node_types(extra: &[NodeType]) -> Vec<NodeType> {
+    let built_in: [&[NodeType]; 6] = [
+        simulator::NODES,
+        drivers::NODES,
+        perception::NODES,
+        actions::NODES,
+        coordinator::NODES,
+        motion::NODES,
+    ];
+    built_in.into_iter().flatten().chain(extra).copied().collect()
+}
+
+/// Files of the default robot: the Pioneer in its office.
+pub const PIONEER: Embedded = &[
+    ("robot.toml", include_bytes!("../../robots/pioneer/robot.toml")),
+    ("worlds/office.toml", include_bytes!("../../robots/pioneer/worlds/office.toml")),
+    ("worlds/opening.toml", include_bytes!("../../robots/pioneer/worlds/opening.toml")),
+    ("worlds/corridor.toml", include_bytes!("../../robots/pioneer/worlds/corridor.toml")),
+];
+
+/// How the default robot's file is called in messages.
+pub const PIONEER_FILE: &str = "robots/pioneer/robot.toml (built in)";

@@ -1,0 +1,40 @@
+//! `sinew node`: one process of nodes. The supervisor starts it; a person may too, to debug a node alone.
+
+use crate::exit::Failure;
+use crate::launch::Launch;
+use runtime::NodeType;
+use runtime::live::{self, LiveOptions};
+use std::path::PathBuf;
+
+/// Runs nodes of a robot in this process
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// The robot's folder of channels
+    #[arg(long)]
+    root: PathBuf,
+    /// Take the written paths from a predecessor that hangs
+    #[arg(long)]
+    fence: bool,
+    /// The nodes, as in /drivers/base
+    #[arg(required = true)]
+    nodes: Vec<String>,
+}
+
+/// Runs the nodes until SIGTERM.
+pub fn run(args: Args, types: &[NodeType]) -> Result<(), Failure> {
+    let launch = Launch::read(&args.root)?;
+    let robot = launch.robot(types)?;
+    let options = LiveOptions {
+        root: args.root,
+        seed: launch.seed,
+        supervisor: std::env::var("SINEW_SUPERVISOR_PID").ok().and_then(|pid| pid.parse().ok()),
+        fence: args.fence,
+    };
+    live::run(&robot, &args.nodes, &options, |grants| {
+        for grant in grants {
+            eprintln!("{grant}");
+        }
+        live::report_ready();
+    })?;
+    Ok(())
+}

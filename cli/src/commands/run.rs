@@ -1,0 +1,163 @@
+//! `sinew run`: a robot with all its nodes as supervised processes, until Ctrl-C.
+
+use crate::exit::{CHECK, Failure, USAGE};
+use crate::launch::Launch;
+use crate::load::{self, Changes};
+use crate::view;
+use runtime::channel::Tree;
+use runtime::robot::{Graph, NodeSpec, Restart as Wish, Robot};
+use runtime::{Layer, NodeType, clock};
+use std::path::PathBuf;
+use std::sync::mpsc;
+use supervisor::{Outcome, Plan, Program, Restart, StopHandle};
+
+/// Runs a robot: every node as a supervised process of its own
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// Folder or file of the robot; without it the built-in Pioneer in its office
+    robot: Option<PathBuf>,
+    /// Stops after this time, as in 60s or 5min
+    #[arg(long = "for", value_name = "TIME")]
+    length: Option<String>,
+    /// Prints one JSON object per second and one at the end
+    #[arg(long)]
+    json: bool,
+    /// Prints lines even on a terminal
+    #[arg(long)]
+    plain: bool,
+    /// Seed of the simulated world
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// Where the picture of the run goes; "none" for none
+    #[arg(long, value_name = "FILE", default_value = "sinew-run.svg")]
+    svg: PathBuf,
+    #[command(flatten)]
+    changes: Changes,
+}
+
+/// Runs the robot and shows it.
+pub fn run(args: Args, types: &[NodeType]) -> Result<(), Failure> {
+    let length_s = args.length.as_deref().map(crate::output::parse_seconds).transpose();
+    let length_s = length_s.map_err(|reason| Failure::new(USAGE, reason))?;
+    let robot = load::robot(args.robot.as_deref(), &args.changes, types)?;
+    let graph = robot.graph().map_err(load::errors)?;
+    warn_of_refused_real_time(&robot);
+    let stop = StopHandle::new()?;
+    let (reports, inbox) = mpsc::channel();
+    let mut plan = plan(&robot)?;
+    plan.stop = Some(stop.clone());
+    let root = plan.root.clone();
+    let launch = Launch::new(&robot, args.seed);
+    let supervising = {
+        let graph = graph.clone();
+        std::thread::Builder::new().name("supervisor".into()).spawn(move || {
+            let mut observer = |report: supervisor::Report<'_>| {
+                let _ = reports.send(view::News::of(report));
+            };
+            supervisor::run_prepared(plan, |root| fill(root, &launch, &graph), &mut observer)
+        })?
+    };
+    let until = length_s.map(|seconds| clock::now().after_s(seconds));
+    let over = || supervising.is_finished();
+    let face = view::Face::choose(args.json, args.plain);
+    let shown = view::show(face, &robot, &root, inbox, until, &stop, &over);
+    stop.stop();
+    let outcome = supervising.join().map_err(|_| Failure::from("the supervisor's thread panicked"))?;
+    let outcome = outcome.map_err(|e| Failure::new(code_of(&e), e.to_string()))?;
+    let seen = shown?;
+    if args.svg.as_os_str() != "none" && seen.track.len() > 1 {
+        let picture = crate::picture::of_track(&robot, &seen.track)?;
+        std::fs::write(&args.svg, picture).map_err(|e| Failure::from(format!("cannot write {}: {e}", args.svg.display())))?;
+    }
+    view::farewell(face, &outcome, &seen, &args.svg)?;
+    judge(&outcome)
+}
+
+/// Everything that the nodes find in the robot's folder: the launch's facts and every ring. All memory that the
+/// channels need is taken here, before anything moves.
+fn fill(root: &std::path::Path, launch: &Launch, graph: &Graph) -> Result<(), String> {
+    launch.write(root).map_err(|e| e.message)?;
+    let tree = Tree::shared(root).map_err(|e| e.to_string())?;
+    for node in &graph.nodes {
+        for written in &node.writes {
+            tree.prepare(&written.path, &written.geometry).map_err(|e| e.to_string())?;
+        }
+    }
+    Ok(())
+}
+
+/// A process for each node, or for each group of nodes that share one.
+fn plan(robot: &Robot) -> Result<Plan, Failure> {
+    let program = std::env::current_exe()?;
+    let root = supervisor::root_folder(&robot.name);
+    let mut groups: Vec<(String, Vec<&NodeSpec>)> = Vec::new();
+    for node in &robot.nodes {
+        match &node.process {
+            Some(name) => match groups.iter_mut().find(|(known, _)| known == name) {
+                Some((_, members)) => members.push(node),
+                None => groups.push((name.clone(), vec![node])),
+            },
+            None => groups.push((node.path(), vec![node])),
+        }
+    }
+    let programs = groups.into_iter().map(|(name, members)| {
+        let mut argv = vec![program.clone().into_os_string(), "node".into(), "--root".into(), root.clone().into()];
+        argv.extend(members.iter().map(|node| node.path().into()));
+        let mut program = Program::new(name, argv);
+        program.rule.restart = members.iter().map(|node| restart(node.restart)).min_by_key(|r| *r as u8).unwrap_or_default();
+        program.rule.stop_group = members.iter().map(|node| stop_group(node.kind.layer)).max().unwrap_or(0);
+        program
+    });
+    let programs = programs.collect();
+    Ok(Plan::new(robot.name.clone(), programs))
+}
+
+fn restart(wish: Wish) -> Restart {
+    match wish {
+        Wish::Always => Restart::Always,
+        Wish::OnFailure => Restart::OnFailure,
+        Wish::Never => Restart::Never,
+    }
+}
+
+/// Groups stop in ascending and start in descending order: a driver outlives those who command it, so that its last
+/// order to the wheels is its own, and the simulated device outlives the driver.
+fn stop_group(layer: Layer) -> u8 {
+    match layer {
+        Layer::Simulator => 2,
+        Layer::Drivers => 1,
+        _ => 0,
+    }
+}
+
+/// One warning for all nodes, where the robot file asks for what this user may not have.
+fn warn_of_refused_real_time(robot: &Robot) {
+    let asked = robot.realtime;
+    // Asked in a thread of its own: what it is granted ends with it.
+    let grants = std::thread::spawn(move || {
+        let probe = runtime::robot::RealtimeTable { runaway_ms: 0, lock_memory: false, ..asked };
+        runtime::realtime::apply(&probe, 1, "probe")
+    });
+    if let Ok(grants) = grants.join()
+        && let runtime::realtime::Grant::Refused(why) = grants.scheduler
+    {
+        eprintln!("warning: running without real-time priority: {why}");
+    }
+}
+
+fn code_of(error: &supervisor::SuperviseError) -> u8 {
+    match error {
+        supervisor::SuperviseError::Plan(_) => CHECK,
+        _ => crate::exit::FAILED,
+    }
+}
+
+fn judge(outcome: &Outcome) -> Result<(), Failure> {
+    match outcome.lost.as_slice() {
+        [] => Ok(()),
+        lost => Err(Failure::from(format!(
+            "nodes given up: {}; `sinew logs NODE` shows their last words",
+            lost.join(", ")
+        ))),
+    }
+}

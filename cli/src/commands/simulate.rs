@@ -1,0 +1,123 @@
+//! `sinew simulate`: whole robots on virtual time, a run per seed.
+
+use crate::exit::{CHECK, Failure, USAGE};
+use crate::load::{self, Changes};
+use crate::simulation::{self, Run, RunResult};
+use runtime::NodeType;
+use serde::Serialize;
+use std::io::{IsTerminal, Write};
+use std::path::PathBuf;
+
+/// Runs a robot on virtual time, faster than real time and the same for the same seed
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// Folder or file of the robot; without it the built-in Pioneer
+    robot: Option<PathBuf>,
+    /// Seeds A..B (B not included): a run each
+    #[arg(long, default_value = "0..1", value_name = "A..B")]
+    seeds: String,
+    /// Simulated time of each run, as in 300s, 5min or 1h
+    #[arg(long = "for", default_value = "60s", value_name = "TIME")]
+    length: String,
+    /// Threads; without it all cores. The results do not depend on it
+    #[arg(long)]
+    jobs: Option<usize>,
+    /// Prints results as JSON
+    #[arg(long)]
+    json: bool,
+    /// Draws map, track and contacts of the first run (of all runs with a contact caused, if there are any)
+    #[arg(long, value_name = "FILE")]
+    svg: Option<PathBuf>,
+    #[command(flatten)]
+    changes: Changes,
+}
+
+#[derive(Serialize)]
+struct Report<'a> {
+    runs: Vec<&'a RunResult>,
+    total: RunResult,
+}
+
+/// Runs the simulations and prints the report.
+pub fn run(args: Args, types: &[NodeType]) -> Result<(), Failure> {
+    let seeds = parse_seeds(&args.seeds)?;
+    let seconds = crate::output::parse_seconds(&args.length).map_err(|reason| Failure::new(USAGE, reason))?;
+    let robot = load::robot(args.robot.as_deref(), &args.changes, types)?;
+    robot.graph().map_err(load::errors)?;
+    if !robot.nodes.iter().any(|node| node.kind.layer == runtime::Layer::Simulator) {
+        let text = format!("robot \"{}\" has no simulator node: there is nothing to simulate it in", robot.name);
+        return Err(Failure::new(CHECK, text));
+    }
+    let jobs = args.jobs.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, usize::from));
+    let count = seeds.end - seeds.start;
+    let progress = std::io::stderr().is_terminal() && count > 1;
+    let runs = simulation::run_all(&robot, seeds, seconds, jobs, &|done| {
+        if progress {
+            eprint!("\r{done}/{count} runs");
+            let _ = std::io::stderr().flush();
+        }
+    })?;
+    if progress {
+        eprint!("\r{:40}\r", "");
+    }
+    let total = simulation::total(&runs, seconds);
+    if let Some(file) = &args.svg {
+        let drawn = runs.iter().find(|run| run.result.contacts_caused > 0).or(runs.first());
+        if let Some(run) = drawn {
+            let picture = crate::picture::of_run(&robot, run)?;
+            std::fs::write(file, picture).map_err(|e| Failure::from(format!("cannot write {}: {e}", file.display())))?;
+            if !args.json {
+                println!("drew seed {} to {}", run.result.seed, file.display());
+            }
+        }
+    }
+    let mut out = std::io::stdout().lock();
+    if args.json {
+        let report = Report { runs: runs.iter().map(|run| &run.result).collect(), total };
+        serde_json::to_writer_pretty(&mut out, &report)?;
+        writeln!(out)?;
+    } else {
+        print_table(&mut out, &runs, &total, seconds)?;
+    }
+    Ok(())
+}
+
+fn print_table(out: &mut impl Write, runs: &[Run], total: &RunResult, seconds: f64) -> std::io::Result<()> {
+    writeln!(out, "{:>8} {:>7} {:>9} {:>9} {:>10} {:>11} {:>10} {:>11}  hash", "seed", "drove", "reversed", "suffered", "distance", "clearance", "speed", "× real time")?;
+    let row = |out: &mut dyn Write, name: String, contacts: [u64; 3], r: &RunResult| {
+        writeln!(
+            out,
+            "{name:>8} {:>7} {:>9} {:>9} {:>8.1} m {:>8.3} m {:>6.3} m/s {:>11.0}  {}",
+            contacts[0], contacts[1], contacts[2], r.distance_m, r.least_clearance_m, r.mean_speed_m_s, r.realtime_factor, r.hash
+        )
+    };
+    for run in runs {
+        row(out, run.result.seed.to_string(), run.contacts, &run.result)?;
+    }
+    if runs.len() > 1 {
+        let sum = |cause: usize| runs.iter().map(|run| run.contacts[cause]).sum();
+        row(out, "all".into(), [sum(0), sum(1), sum(2)], total)?;
+    }
+    writeln!(out, "{} runs of {seconds} s; contacts by cause; speed is the mean while moving (over 1 cm/s)", runs.len())
+}
+
+fn parse_seeds(text: &str) -> Result<std::ops::Range<u64>, Failure> {
+    let parsed = text.split_once("..").and_then(|(a, b)| Some(a.trim().parse().ok()?..b.trim().parse().ok()?));
+    match parsed {
+        Some(range) if range.start < range.end && range.end - range.start <= 1_000_000 => Ok(range),
+        _ => Err(Failure::new(USAGE, format!("--seeds {text}: write A..B with A below B and at most a million seeds, as in 0..100"))),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn seeds_are_a_half_open_range() {
+        assert_eq!(parse_seeds("0..100").ok(), Some(0..100));
+        for wrong in ["", "5", "5..5", "7..3", "a..b", "-1..3", "0..99999999"] {
+            assert!(parse_seeds(wrong).is_err(), "{wrong}");
+        }
+    }
+}

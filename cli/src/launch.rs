@@ -1,0 +1,69 @@
+//! What a run tells its node processes: the robot file as resolved, where its other files are, the seed.
+
+use crate::built_in::PIONEER;
+use crate::exit::Failure;
+use crate::load;
+use runtime::NodeType;
+use runtime::robot::{Resources, Robot};
+use serde::{Deserialize, Serialize};
+use std::path::{Path, PathBuf};
+
+/// Written to `.run/launch.json` below the robot's folder of channels, and read by every node process and tool.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct Launch {
+    /// The robot file as a person named it.
+    pub file: String,
+    /// Text of the robot file, with the command line's changes.
+    pub text: String,
+    /// Folder of its worlds and maps; none for the built-in robot.
+    pub folder: Option<PathBuf>,
+    /// Seed of the run.
+    pub seed: u64,
+    /// Nodes of the run, as in /drivers/base: a robot with real devices runs without its world.
+    pub nodes: Vec<String>,
+}
+
+impl Launch {
+    /// What there is to tell about `robot`.
+    pub fn new(robot: &Robot, seed: u64) -> Launch {
+        Launch {
+            file: robot.file.clone(),
+            text: robot.text.clone(),
+            folder: match &robot.resources {
+                Resources::Folder(folder) => Some(folder.clone()),
+                Resources::Embedded(_) => None,
+            },
+            seed,
+            nodes: robot.nodes.iter().map(runtime::robot::NodeSpec::path).collect(),
+        }
+    }
+
+    /// Leaves it below `root`.
+    pub fn write(&self, root: &Path) -> Result<(), Failure> {
+        let folder = root.join(".run");
+        std::fs::create_dir_all(&folder)?;
+        std::fs::write(folder.join("launch.json"), serde_json::to_vec_pretty(self)?)?;
+        Ok(())
+    }
+
+    /// Finds it below `root`.
+    pub fn read(root: &Path) -> Result<Launch, Failure> {
+        let file = root.join(".run/launch.json");
+        let bytes = std::fs::read(&file).map_err(|e| {
+            let text = format!("cannot read {}: {e}\nNodes are started by `sinew run`.", file.display());
+            Failure::new(crate::exit::NOT_RUNNING, text)
+        })?;
+        Ok(serde_json::from_slice(&bytes)?)
+    }
+
+    /// The robot, as it runs.
+    pub fn robot(&self, types: &[NodeType]) -> Result<Robot, Failure> {
+        let resources = match &self.folder {
+            Some(folder) => Resources::Folder(folder.clone()),
+            None => Resources::Embedded(PIONEER),
+        };
+        let mut robot = Robot::parse(&self.text, &self.file, resources, types).map_err(load::errors)?;
+        robot.nodes.retain(|node| self.nodes.contains(&node.path()));
+        Ok(robot)
+    }
+}
