@@ -1,10 +1,12 @@
 //! The node on its bench, wired to a small robot.
+#![allow(clippy::unwrap_used, reason = "a test fails by panicking, also in its helpers")]
 
 mod support;
 
 use drivers::p2os::protocol::*;
 use drivers::p2os::{Encoders, P2os};
-use messages::{BaseState, Beam, Command, Echo, Link, Odometry, Ranges, Twist};
+use messages::{BaseState, Beam, Command, Done, Echo, Link, Message, Odometry, Ranges, Sound, Switch, Trigger, Twist};
+use runtime::calls::TicketState;
 use runtime::{Bench, Body, Device, Time};
 use std::f64::consts::{FRAC_PI_6, PI};
 use support::robot::{Phase, Robot};
@@ -66,6 +68,17 @@ impl Rig {
             self.step();
         }
         panic!("30 s without: {what}; state {:?}", self.state());
+    }
+
+    /// Calls the node and steps it once: what it answered, or why it refused.
+    fn call<Q: Message>(&mut self, command: &str, request: &Q) -> Result<(), String> {
+        let ticket = self.bench.call(command, request);
+        self.step();
+        match self.bench.call_state(ticket) {
+            TicketState::Answered(body) if body.len() == size_of::<Done>() => Ok(()),
+            TicketState::Refused(why) => Err(format!("{why:?}")),
+            other => panic!("{command}: {other:?}"),
+        }
     }
 
     fn state(&self) -> BaseState {
@@ -452,4 +465,108 @@ fn small_turn_rates_stay_alive() {
     rig.wanted = go(0.0, 0.4 * PI / 180.0);
     rig.run(1.0);
     assert_eq!(rig.robot.motion(), (0, 1));
+}
+
+const ON: Switch = Switch { on: 1 };
+const OFF: Switch = Switch { on: 0 };
+const NOW: Trigger = Trigger { unused: 0 };
+
+#[test]
+fn the_operator_can_take_the_motors_away_and_give_them_back() {
+    let mut rig = driving();
+    rig.call("enable", &OFF).unwrap();
+    rig.run(2.0);
+    assert!(!rig.robot.motors, "although commands ask for them");
+    rig.call("enable", &ON).unwrap();
+    rig.run_until("driving again", |rig| rig.robot.motion() == (300, 0));
+}
+
+#[test]
+fn the_operators_stop_holds_until_the_operator_enables() {
+    let mut rig = driving();
+    rig.call("stop", &NOW).unwrap();
+    rig.run(0.1);
+    assert_eq!(rig.robot.motion(), (0, 0));
+    rig.run(3.0);
+    assert_eq!((rig.robot.motion(), rig.robot.motors), ((0, 0), true), "it holds its place");
+    rig.call("enable", &ON).unwrap();
+    rig.run_until("driving again", |rig| rig.robot.motion() == (300, 0));
+}
+
+#[test]
+fn the_operators_off_and_stop_survive_a_lost_link() {
+    for command in ["stop", "enable"] {
+        let mut rig = driving();
+        match command {
+            "stop" => rig.call("stop", &NOW).unwrap(),
+            _ => rig.call("enable", &OFF).unwrap(),
+        }
+        rig.robot.power_cycle();
+        rig.run_until("second connection", |rig| rig.state().connections == 2);
+        rig.run(2.0);
+        assert_eq!(rig.robot.motion(), (0, 0), "{command}");
+    }
+}
+
+#[test]
+fn sonars_that_are_switched_off_say_so() {
+    let mut rig = up();
+    rig.call("switch_sonar", &OFF).unwrap();
+    rig.run(0.5);
+    assert!(!rig.robot.sonar);
+    assert!(rig.echoes().iter().all(|echo| *echo == Echo::Off as u32));
+    assert_eq!(rig.state().sonar_enabled, 0);
+    rig.robot.power_cycle();
+    rig.run_until("second connection", |rig| rig.state().connections == 2);
+    rig.run(1.0);
+    assert!(!rig.robot.sonar, "also of a robot that was switched off and on");
+    rig.call("switch_sonar", &ON).unwrap();
+    rig.run(2.0);
+    assert!(rig.echoes().iter().all(|echo| *echo == Echo::Value as u32));
+}
+
+#[test]
+fn the_operators_origin_is_where_the_robot_is() {
+    let mut rig = driving();
+    rig.run(2.0);
+    assert!(rig.odometry().x_m > 0.5);
+    let here_mm = rig.robot.x_mm;
+    rig.call("set_origin", &NOW).unwrap();
+    rig.run(1.0);
+    assert!(rig.robot.numbers_since(0.0).contains(&command::SETO));
+    assert!(rig.robot.x_mm < here_mm, "the robot's own counters fell to zero");
+    let odometry = rig.odometry();
+    assert!((odometry.x_m - 0.3).abs() < 0.04, "{} m since a second", odometry.x_m);
+    assert_eq!(odometry.origin, 1);
+}
+
+#[test]
+fn a_tone_is_sent_and_one_that_cannot_be_is_refused_with_the_reason() {
+    let mut rig = up();
+    rig.call("sound", &Sound { note: 60, duration_s: 0.1 }).unwrap();
+    rig.run(0.1);
+    assert!(rig.robot.numbers_since(0.0).contains(&command::SAY));
+    for (sound, reason) in [
+        (Sound { note: 128, duration_s: 0.1 }, "127"),
+        (Sound { note: 60, duration_s: f64::NAN }, "5.1"),
+        (Sound { note: 60, duration_s: 60.0 }, "5.1"),
+    ] {
+        let why = rig.call("sound", &sound).unwrap_err();
+        assert!(why.contains(reason), "{why}");
+    }
+}
+
+#[test]
+fn what_a_robot_that_is_not_there_cannot_do_is_refused() {
+    let mut robot = Robot::new("p3dx-sh");
+    robot.is_mute = true;
+    let mut rig = Rig::new("", robot);
+    rig.run(1.0);
+    assert_eq!(rig.link(), Link::Silent as u32);
+    assert!(rig.call("enable", &ON).unwrap_err().contains("not connected"));
+    assert!(rig.call("set_origin", &NOW).unwrap_err().contains("not connected"));
+    assert!(rig.call("sound", &Sound { note: 60, duration_s: 0.1 }).unwrap_err().contains("not connected"));
+    // Whoever wants it safe is heard at any time.
+    rig.call("stop", &NOW).unwrap();
+    rig.call("enable", &OFF).unwrap();
 }

@@ -1,4 +1,5 @@
 //! The packet layer against captured and recomputed bytes, corruption and noise.
+#![allow(clippy::unwrap_used, reason = "a test fails by panicking, also in its helpers")]
 
 use drivers::p2os::protocol::*;
 use proptest::prelude::*;

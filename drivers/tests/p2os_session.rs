@@ -1,4 +1,5 @@
 //! The session against a small robot, a recorded one, none, and everything else that a port may bring.
+#![allow(clippy::unwrap_used, reason = "a test fails by panicking, also in its helpers")]
 
 mod support;
 
@@ -289,15 +290,9 @@ fn a_port_without_a_robot_is_silent_and_its_speeds_are_tried_in_turn() {
     assert_eq!(bench.session.link(), Link::Connecting);
     bench.run(5.2);
     assert_eq!(bench.session.link(), Link::Silent);
-    let expected = [
-        Demand::Baud(38400),
-        Demand::Baud(115_200),
-        Demand::Reopen,
-        Demand::Baud(9600),
-        Demand::Baud(38400),
-        Demand::Reopen,
-    ];
-    assert_eq!(bench.demands, expected);
+    let expected = [38400, 115_200, 9600].map(Demand::Baud);
+    assert_eq!(bench.demands[..3], expected);
+    assert_eq!(bench.demands[3], Demand::Reopen, "all were tried");
 }
 
 #[test]
@@ -341,6 +336,23 @@ fn a_lost_port_says_so_and_a_new_one_is_shaken_hands_with() {
     assert_eq!(never.link(), Link::Connecting);
     never.port(bench.now, Port::Closed);
     assert_eq!(never.link(), Link::NoPort);
+}
+
+#[test]
+fn a_silent_robot_stays_silent_while_its_port_is_opened_anew() {
+    let mut bench = running();
+    bench.robot.is_mute = true;
+    bench.run_until("demand", |bench| bench.demands.contains(&Demand::Reopen));
+    for port in [Port::Closed, Port::Opening, Port::Open(2)] {
+        bench.session.port(bench.now, port);
+        assert_eq!(bench.session.link(), Link::Silent, "{port:?}");
+    }
+    bench.run_until("demand", |bench| bench.demands.iter().filter(|d| **d == Demand::Reopen).count() == 2);
+    for (port, link) in [(Port::Opening, Link::Silent), (Port::Closed, Link::NoPort), (Port::Opening, Link::Connecting)]
+    {
+        bench.session.port(bench.now, port);
+        assert_eq!(bench.session.link(), link, "{port:?}");
+    }
 }
 
 #[test]

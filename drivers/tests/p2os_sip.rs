@@ -1,4 +1,5 @@
 //! SIP, encoder packet and identity: captured bytes, every prefix, every turn of the counters.
+#![allow(clippy::unwrap_used, reason = "a test fails by panicking, also in its helpers")]
 
 use drivers::p2os::config::ConfigPacket;
 use drivers::p2os::protocol::*;

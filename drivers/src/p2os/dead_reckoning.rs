@@ -145,15 +145,15 @@ impl DeadReckoning {
         // F = I but for the column of the heading: a heading error carries the whole step sideways.
         let f = [-step[1], step[0]];
         let p = &mut self.covariance;
-        for row in 0..3 {
-            let by_heading = p[row][2];
-            p[row][0] += f[0] * by_heading;
-            p[row][1] += f[1] * by_heading;
+        for row in p.iter_mut() {
+            row[0] += f[0] * row[2];
+            row[1] += f[1] * row[2];
         }
-        for column in 0..3 {
-            let by_heading = p[2][column];
-            p[0][column] += f[0] * by_heading;
-            p[1][column] += f[1] * by_heading;
+        let by_heading = p[2];
+        for (row, factor) in p.iter_mut().zip(f) {
+            for (element, by_heading) in row.iter_mut().zip(by_heading) {
+                *element += factor * by_heading;
+            }
         }
         // The way's noise acts along the step.
         if way > 0.0 {

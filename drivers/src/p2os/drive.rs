@@ -1,31 +1,11 @@
-//! Decides which motion command goes out next: velocities, motor power, and who may have it.
+//! Decides which motion command goes out next.
 //!
 //! Velocities go as VEL [mm/s] and RVEL [deg/s], not as VEL2, whose 20 mm/s per wheel cannot say a slow turn. Each is
 //! sent when it changes and repeated, so that the controller's watchdog is fed by what we mean, not by an empty PULSE.
-//!
-//! Motor power. The robot's motors are off after every handshake. They go on when a fresh command asks (`enable` = 1)
-//! or the operator does, and off when either says so:
-//!
-//! - An operator's "off" and "stop" last until the operator's "on"; commands cannot undo them.
-//! - When the *device* takes the power (somebody presses the MOTORS or stop button), that lasts until the commands let go
-//!   and ask again, or until the operator's "on": a hand on the robot outranks the flow.
-//! - With [`AfterLoss::Operator`], every connection but the first waits for the operator's "on", so that a robot that
-//!   somebody switches off and on again stays where it is.
-//! - No velocity but zero is sent before the device has confirmed that its motors are on.
 
+use super::power::Power;
 use super::protocol::command;
 use runtime::Time;
-
-/// Who may switch the motors on after the link was lost or the robot restarted.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Deserialize, schemars::JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum AfterLoss {
-    /// The next fresh command that asks for it.
-    #[default]
-    Command,
-    /// Only the operator.
-    Operator,
-}
 
 /// A velocity in the units of the wire.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -54,9 +34,6 @@ fn round(value: f64, cap: f64) -> i32 {
     (rounded * value.signum()) as i32
 }
 
-/// Time after which an ENABLE that the device has not confirmed is repeated [s].
-const ENABLE_REPEAT_S: f64 = 0.5;
-
 /// What was last said, and when.
 #[derive(Debug, Clone, Copy)]
 struct Said {
@@ -64,103 +41,32 @@ struct Said {
     at: Time,
 }
 
-/// Velocities and motor power; see the module's text.
+/// Velocities, and the power without which they mean nothing.
 #[derive(Debug, Clone)]
 pub struct Drive {
+    /// Who has the motors.
+    pub power: Power,
     repeat_s: f64,
-    after_loss: AfterLoss,
     wanted: WireVelocity,
     said_forward: Option<Said>,
     said_turn: Option<Said>,
-    said_power: Option<Said>,
-    /// Whether the last one who was entitled to say so wants power.
-    asked: bool,
-    /// The operator forbids power.
-    forbidden: bool,
-    /// The operator holds the robot still; power stays as it is.
-    halted: bool,
-    /// The device took the power by itself.
-    taken: bool,
-    /// The device's own word, as soon as there is one.
-    device_on: Option<bool>,
-    /// The device has said "on" since power was asked for.
-    confirmed: bool,
 }
 
 impl Drive {
     /// Nothing wanted, nothing said. Velocities are repeated every `repeat_s`.
-    pub fn new(repeat_s: f64, after_loss: AfterLoss) -> Drive {
-        Drive {
-            repeat_s,
-            after_loss,
-            wanted: WireVelocity::default(),
-            said_forward: None,
-            said_turn: None,
-            said_power: None,
-            asked: false,
-            forbidden: false,
-            halted: false,
-            taken: false,
-            device_on: None,
-            confirmed: false,
-        }
+    pub fn new(repeat_s: f64, power: Power) -> Drive {
+        Drive { power, repeat_s, wanted: WireVelocity::default(), said_forward: None, said_turn: None }
     }
 
     /// A handshake was done: the robot stands with its motors off and knows nothing. `first`: it is the first one.
     pub fn connected(&mut self, first: bool) {
-        let forbidden = self.forbidden || (!first && self.after_loss == AfterLoss::Operator);
-        *self = Drive { forbidden, halted: self.halted, ..Drive::new(self.repeat_s, self.after_loss) };
-    }
-
-    /// A fresh command's wish for power.
-    pub fn command(&mut self, enable: bool) {
-        if !enable {
-            self.taken = false;
-            self.ask(false);
-        } else if !self.forbidden && !self.taken {
-            self.asked = true;
-        }
-    }
-
-    /// The operator switches the motors. "On" also ends a [`halt`](Drive::halt).
-    pub fn operator(&mut self, on: bool) {
-        self.forbidden = !on;
-        if on {
-            (self.halted, self.taken) = (false, false);
-        }
-        self.ask(on);
-    }
-
-    /// The operator stops the robot: velocity zero until the operator's next "on".
-    pub fn halt(&mut self) {
-        self.halted = true;
-    }
-
-    /// What the device says about its motors.
-    pub fn device(&mut self, on: bool) {
-        self.device_on = Some(on);
-        if self.asked {
-            if self.confirmed && !on {
-                self.taken = true;
-                self.ask(false);
-            }
-            self.confirmed |= on && self.asked;
-        }
+        self.power.connected(first);
+        *self = Drive::new(self.repeat_s, self.power.clone());
     }
 
     /// The wanted velocity; zero when there is none.
     pub fn want(&mut self, velocity: WireVelocity) {
         self.wanted = velocity;
-    }
-
-    /// Whether velocities other than zero are sent.
-    pub fn may_move(&self) -> bool {
-        self.asked && self.confirmed && !self.halted
-    }
-
-    /// Whether the operator or the device keeps the flow from moving the robot.
-    pub fn is_held(&self) -> bool {
-        self.forbidden || self.halted || self.taken
     }
 
     /// A command that must not wait behind others: a stop, or a slower way forward. (number, argument)
@@ -177,51 +83,30 @@ impl Drive {
 
     /// The next command, changes first, then repetitions; `None` when all is said. (number, argument)
     pub fn next(&mut self, now: Time) -> Option<(u8, i32)> {
-        if let Some(power) = self.next_power(now) {
+        if let Some(power) = self.power.next(now) {
             return Some(power);
         }
-        if !self.asked {
+        if !self.power.is_asked() {
             return None;
         }
         let wanted = self.effective();
-        let changed = |said: Option<Said>, value: i32| said.is_none_or(|said| said.value != value);
-        let due = |said: Option<Said>| said.is_none_or(|said| now.since(said.at) >= self.repeat_s);
-        if changed(self.said_turn, wanted.turn_deg_s) {
-            return Some(self.say_turn(now, wanted.turn_deg_s));
-        }
-        if changed(self.said_forward, wanted.forward_mm_s) || due(self.said_forward) {
-            return Some(self.say_forward(now, wanted.forward_mm_s));
-        }
-        if due(self.said_turn) {
-            return Some(self.say_turn(now, wanted.turn_deg_s));
-        }
-        None
-    }
-
-    fn next_power(&mut self, now: Time) -> Option<(u8, i32)> {
-        let is_told = self.said_power.is_some_and(|said| (said.value == 1) == self.asked);
-        let is_done = self.device_on.unwrap_or(false) == self.asked;
-        let due = match self.said_power {
-            // A robot is opened with its motors off: nothing to say until somebody asks.
-            None => self.asked || !is_done,
-            Some(said) => !is_told || (!is_done && now.since(said.at) >= ENABLE_REPEAT_S),
-        };
-        due.then(|| {
-            let value = i32::from(self.asked);
-            self.said_power = Some(Said { value, at: now });
-            (command::ENABLE, value)
-        })
-    }
-
-    fn ask(&mut self, on: bool) {
-        self.asked = on;
-        if !on {
-            self.confirmed = false;
+        let is_changed = |said: Option<Said>, value: i32| said.is_none_or(|said| said.value != value);
+        let is_due = |said: Option<Said>| said.is_none_or(|said| now.since(said.at) >= self.repeat_s);
+        let forward = (is_changed(self.said_forward, wanted.forward_mm_s), is_due(self.said_forward));
+        let turn = (is_changed(self.said_turn, wanted.turn_deg_s), is_due(self.said_turn));
+        // Changes before repetitions; of two, the one that was said longer ago: neither starves the other.
+        let turn_waits_longer = self.said_turn.map(|said| said.at) <= self.said_forward.map(|said| said.at);
+        match (forward, turn) {
+            ((false, false), (false, false)) => None,
+            _ if turn > forward || (turn == forward && turn_waits_longer) => {
+                Some(self.say_turn(now, wanted.turn_deg_s))
+            }
+            _ => Some(self.say_forward(now, wanted.forward_mm_s)),
         }
     }
 
     fn effective(&self) -> WireVelocity {
-        if self.may_move() { self.wanted } else { WireVelocity::default() }
+        if self.power.may_move() { self.wanted } else { WireVelocity::default() }
     }
 
     fn say_forward(&mut self, now: Time, value: i32) -> (u8, i32) {
@@ -243,7 +128,9 @@ fn slows(said: i32, wanted: i32) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::p2os::power::AfterLoss;
     use proptest::prelude::*;
+    use std::f64::consts::FRAC_PI_6;
 
     const REPEAT_S: f64 = 0.15;
 
@@ -253,6 +140,10 @@ mod tests {
 
     fn velocity(forward_mm_s: i32, turn_deg_s: i32) -> WireVelocity {
         WireVelocity { forward_mm_s, turn_deg_s }
+    }
+
+    fn drive(after_loss: AfterLoss) -> Drive {
+        Drive::new(REPEAT_S, Power::new(after_loss))
     }
 
     /// All that is said at one instant.
@@ -267,20 +158,20 @@ mod tests {
 
     /// Motors on and confirmed, standing.
     fn moving() -> Drive {
-        let mut drive = Drive::new(REPEAT_S, AfterLoss::Command);
+        let mut drive = drive(AfterLoss::Command);
         drive.connected(true);
-        drive.device(false);
-        drive.command(true);
+        drive.power.device(false);
+        drive.power.command(true);
         said(&mut drive, at(0.0));
-        drive.device(true);
+        drive.power.device(true);
         drive
     }
 
     #[test]
     fn rates_are_rounded_and_small_ones_stay_alive() {
         let quantize = |forward, turn| quantize(forward, turn, 1.5, 3.0);
-        assert_eq!(quantize(0.2004, 0.5236), velocity(200, 30));
-        assert_eq!(quantize(-0.2004, -0.5236), velocity(-200, -30));
+        assert_eq!(quantize(0.2004, FRAC_PI_6), velocity(200, 30));
+        assert_eq!(quantize(-0.2004, -FRAC_PI_6), velocity(-200, -30));
         assert_eq!(quantize(0.0003, 0.3f64.to_radians()), velocity(1, 1));
         assert_eq!(quantize(-0.0003, -0.3f64.to_radians()), velocity(-1, -1));
         assert_eq!(quantize(0.0002, 0.2f64.to_radians()), velocity(0, 0));
@@ -292,9 +183,9 @@ mod tests {
 
     #[test]
     fn nothing_is_said_before_somebody_asks_for_power() {
-        let mut drive = Drive::new(REPEAT_S, AfterLoss::Command);
+        let mut drive = drive(AfterLoss::Command);
         drive.connected(true);
-        drive.device(false);
+        drive.power.device(false);
         drive.want(velocity(300, 10));
         assert_eq!(said(&mut drive, at(0.0)), []);
         assert_eq!(said(&mut drive, at(5.0)), []);
@@ -302,24 +193,24 @@ mod tests {
 
     #[test]
     fn motors_that_are_on_unasked_are_switched_off() {
-        let mut drive = Drive::new(REPEAT_S, AfterLoss::Command);
+        let mut drive = drive(AfterLoss::Command);
         drive.connected(true);
-        drive.device(true);
+        drive.power.device(true);
         assert_eq!(said(&mut drive, at(0.0)), [(command::ENABLE, 0)]);
     }
 
     #[test]
     fn only_zero_is_said_until_the_device_confirms_its_motors() {
-        let mut drive = Drive::new(REPEAT_S, AfterLoss::Command);
+        let mut drive = drive(AfterLoss::Command);
         drive.connected(true);
-        drive.device(false);
-        drive.command(true);
+        drive.power.device(false);
+        drive.power.command(true);
         drive.want(velocity(300, 10));
         assert_eq!(said(&mut drive, at(0.0)), [(command::ENABLE, 1), (command::RVEL, 0), (command::VEL, 0)]);
-        drive.device(false);
+        drive.power.device(false);
         assert_eq!(said(&mut drive, at(0.1)), []);
         assert!(said(&mut drive, at(0.6)).contains(&(command::ENABLE, 1)), "asks again");
-        drive.device(true);
+        drive.power.device(true);
         assert_eq!(said(&mut drive, at(0.61)), [(command::RVEL, 10), (command::VEL, 300)]);
     }
 
@@ -329,9 +220,22 @@ mod tests {
         drive.want(velocity(300, 10));
         assert_eq!(said(&mut drive, at(0.01)), [(command::RVEL, 10), (command::VEL, 300)]);
         assert_eq!(said(&mut drive, at(0.10)), []);
-        assert_eq!(said(&mut drive, at(0.17)), [(command::VEL, 300), (command::RVEL, 10)]);
+        assert_eq!(said(&mut drive, at(0.17)), [(command::RVEL, 10), (command::VEL, 300)]);
         drive.want(velocity(310, 10));
         assert_eq!(said(&mut drive, at(0.20)), [(command::VEL, 310)]);
+    }
+
+    #[test]
+    fn a_turn_that_changes_all_the_time_does_not_starve_the_way_forward() {
+        let mut drive = moving();
+        let mut told = Vec::new();
+        for step in 0..20 {
+            drive.want(velocity(100 + step, 10 + step));
+            // One command per step, as the line allows.
+            told.extend(drive.urgent(at(0.02 * f64::from(step))).or_else(|| drive.next(at(0.02 * f64::from(step)))));
+        }
+        let forwards = told.iter().filter(|(number, _)| *number == command::VEL).count();
+        assert!(told.len() == 20 && (9..=11).contains(&forwards), "{told:?}");
     }
 
     #[test]
@@ -353,14 +257,14 @@ mod tests {
         let mut drive = moving();
         drive.want(velocity(300, 0));
         said(&mut drive, at(0.0));
-        drive.operator(false);
-        drive.command(true);
+        drive.power.operator(false);
+        drive.power.command(true);
         assert_eq!(said(&mut drive, at(0.1)), [(command::VEL, 0), (command::ENABLE, 0)]);
-        drive.device(false);
-        drive.command(false);
-        drive.command(true);
+        drive.power.device(false);
+        drive.power.command(false);
+        drive.power.command(true);
         assert_eq!(said(&mut drive, at(0.2)), []);
-        drive.operator(true);
+        drive.power.operator(true);
         assert_eq!(drive.next(at(0.3)), Some((command::ENABLE, 1)));
     }
 
@@ -369,16 +273,16 @@ mod tests {
         let mut drive = moving();
         drive.want(velocity(300, 20));
         said(&mut drive, at(0.0));
-        drive.halt();
-        drive.command(true);
+        drive.power.halt();
+        drive.power.command(true);
         assert_eq!(said(&mut drive, at(0.1)), [(command::VEL, 0), (command::RVEL, 0)]);
         drive.connected(false);
-        drive.command(true);
-        drive.device(true);
-        assert!(!drive.may_move(), "a new connection does not lift the stop");
-        drive.operator(true);
-        drive.device(true);
-        assert!(drive.may_move());
+        drive.power.command(true);
+        drive.power.device(true);
+        assert!(!drive.power.may_move(), "a new connection does not lift the stop");
+        drive.power.operator(true);
+        drive.power.device(true);
+        assert!(drive.power.may_move());
     }
 
     #[test]
@@ -386,43 +290,43 @@ mod tests {
         let mut drive = moving();
         drive.want(velocity(300, 0));
         said(&mut drive, at(0.0));
-        drive.device(false);
+        drive.power.device(false);
         for step in 1..50 {
-            drive.command(true);
-            drive.device(false);
+            drive.power.command(true);
+            drive.power.device(false);
             let commands = said(&mut drive, at(0.1 * f64::from(step)));
             assert!(!commands.contains(&(command::ENABLE, 1)), "{commands:?}");
         }
-        assert!(drive.is_held());
-        drive.command(false);
-        drive.command(true);
+        assert!(drive.power.is_held());
+        drive.power.command(false);
+        drive.power.command(true);
         assert_eq!(drive.next(at(9.0)), Some((command::ENABLE, 1)));
     }
 
     #[test]
     fn letting_go_and_asking_again_between_two_packets_is_no_grab_by_the_device() {
         let mut drive = moving();
-        drive.command(false);
+        drive.power.command(false);
         said(&mut drive, at(0.1));
-        drive.command(true);
+        drive.power.command(true);
         said(&mut drive, at(0.2));
-        drive.device(false);
-        drive.device(true);
-        assert!(drive.may_move());
+        drive.power.device(false);
+        drive.power.device(true);
+        assert!(drive.power.may_move());
     }
 
     #[test]
     fn after_a_loss_the_operator_must_ask_where_the_robot_file_says_so() {
         for (after_loss, moves) in [(AfterLoss::Command, true), (AfterLoss::Operator, false)] {
-            let mut drive = Drive::new(REPEAT_S, after_loss);
+            let mut drive = drive(after_loss);
             drive.connected(true);
-            drive.command(true);
+            drive.power.command(true);
             assert_eq!(drive.next(at(0.0)), Some((command::ENABLE, 1)), "the first connection");
             drive.connected(false);
-            drive.device(false);
-            drive.command(true);
-            drive.device(true);
-            assert_eq!(drive.may_move(), moves, "{after_loss:?}");
+            drive.power.device(false);
+            drive.power.command(true);
+            drive.power.device(true);
+            assert_eq!(drive.power.may_move(), moves, "{after_loss:?}");
         }
     }
 
@@ -430,22 +334,22 @@ mod tests {
         #[test]
         fn a_velocity_is_never_sent_to_motors_that_nobody_asked_for(
             events in prop::collection::vec((0u8..8, -500i32..500, -100i32..100), 1..200)) {
-            let mut drive = Drive::new(REPEAT_S, AfterLoss::Command);
+            let mut drive = drive(AfterLoss::Command);
             let mut allowed = false;
             for (step, (event, forward, turn)) in events.into_iter().enumerate() {
                 match event {
-                    0 => { drive.operator(false); allowed = false }
-                    1 => { drive.operator(true); allowed = true }
-                    2 => { drive.command(true); allowed = true }
-                    3 => { drive.command(false); allowed = false }
-                    4 => drive.device(true),
-                    5 => drive.device(false),
+                    0 => { drive.power.operator(false); allowed = false }
+                    1 => { drive.power.operator(true); allowed = true }
+                    2 => { drive.power.command(true); allowed = true }
+                    3 => { drive.power.command(false); allowed = false }
+                    4 => drive.power.device(true),
+                    5 => drive.power.device(false),
                     6 => { drive.connected(false); allowed = false }
                     _ => drive.want(velocity(forward, turn)),
                 }
                 for (number, value) in said(&mut drive, at(0.02 * step as f64)) {
                     prop_assert!(allowed || value == 0, "command {number} {value} after event {event}");
-                    prop_assert!(number == command::ENABLE || value == 0 || drive.may_move());
+                    prop_assert!(number == command::ENABLE || value == 0 || drive.power.may_move());
                 }
             }
         }

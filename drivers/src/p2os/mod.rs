@@ -6,13 +6,14 @@
 //! | [`sip`], [`config`] | the robot's packets, parsed and encoded |
 //! | [`model`] | factors, sonar poses, body of each model |
 //! | [`session`] | handshake, watchdog feeding, recovery |
-//! | [`drive`] | which motion command goes out next, and who may have motor power |
+//! | [`drive`], [`power`] | which motion command goes out next, and who may have the motors |
 //! | [`dead_reckoning`], [`sonar_ring`] | from packets to odometry and beams |
 //! | [`settings`], [`P2os`] | the node |
 //!
 //! All but the node is pure. `protocol`, `sip`, `config` and `model` serve both ends: a simulated microcontroller uses
 //! the same files.
 
+mod base;
 pub mod config;
 pub mod dead_reckoning;
 pub mod drive;
@@ -22,6 +23,9 @@ mod framer;
 pub mod model;
 mod node;
 pub mod numbers;
+mod paths;
+mod phases;
+pub mod power;
 pub mod protocol;
 mod queue;
 pub mod session;

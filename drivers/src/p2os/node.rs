@@ -7,11 +7,11 @@
 //! | path or call | type | when |
 //! |---|---|---|
 //! | reads `command` | Command | sent on change, repeated; stale, expired or not finite counts as velocity zero |
-//! | writes `sonar` | Ranges, a [`Beam`] per fitted transducer | each SIP, and at least at 2.5 Hz, also without a link |
+//! | writes `sonar` | Ranges, a [`Beam`](messages::Beam) per fitted transducer | each SIP, and at least at 2.5 Hz, also without a link |
 //! | writes `odometry` | Odometry | each SIP |
 //! | writes `state` | BaseState | each SIP, and at least at 2.5 Hz, also without a link |
 //! | writes `encoders` | Encoders, where the settings ask | each encoder packet |
-//! | `enable` | Switch → Done | motor power; "on" also ends a `stop`; see [`drive`](super::drive) |
+//! | `enable` | Switch → Done | motor power; "on" also ends a `stop`; see [`power`](super::power) |
 //! | `stop` | Trigger → Done | velocity zero until the operator's `enable` |
 //! | `switch_sonar` | Switch → Done | all sonars on or off |
 //! | `set_origin` | Trigger → Done | the odometry's zero is here |
@@ -21,21 +21,16 @@
 //! step at most (the firmware loses denser ones), so the node wants a short period: 10 ms beside the triggers
 //! `device` and `command`.
 
-use super::dead_reckoning::DeadReckoning;
-use super::drive::{Drive, quantize};
-use super::encoders::Encoders;
-use super::model::{self, Model, SONARS};
+use super::base::Base;
+use super::drive::quantize;
+use super::paths::Paths;
 use super::protocol::{Argument, MAX_PACKET, STOP_PACKETS, command, flag};
-use super::session::{Demand, Event, Port, Session};
-use super::settings::{P2osConfig, SonarArray};
-use super::sip::Sip;
-use super::sonar_ring::{Condition, SonarRing};
-use messages::{BaseState, Beam, Command, Done, Link, Message, Odometry, Ranges, Sound, Switch, Trigger};
+use super::session::{Demand, Port, Session};
+use super::settings::P2osConfig;
+use messages::{Command, Done, Message, Sound, Switch, Trigger};
 use runtime::device::{Address, DeviceLink};
-use runtime::{Body, CallPort, Device, Fault, Layer, Node, OpenError, Ports, Reader, Request, Time, Writer};
+use runtime::{Body, CallPort, Device, Fault, Layer, Node, OpenError, Ports, Reader, Request, Time};
 
-/// Paths are written at least this often [s].
-const REFRESH_S: f64 = 0.4;
 /// A SONAR command that the robot does not follow is repeated this often [s].
 const SONAR_REPEAT_S: f64 = 1.0;
 /// Unit of the piezo's durations [s].
@@ -60,34 +55,6 @@ pub struct P2os {
     sonar_wanted: bool,
     sonar_said: Time,
     received: [u8; 512],
-}
-
-/// What is known of the base.
-struct Base {
-    model: Model,
-    reckoning: DeadReckoning,
-    ring: SonarRing,
-    drive: Drive,
-    max_speed_m_s: f64,
-    max_turn_rad_s: f64,
-    sip: Option<Sip>,
-    /// A handshake was done in this step.
-    has_connected: bool,
-    connections: u32,
-}
-
-/// What is written.
-struct Paths {
-    sonar: Writer<Ranges>,
-    odometry: Writer<Odometry>,
-    state: Writer<BaseState>,
-    encoders: Option<Writer<Encoders>>,
-    beams: [Beam; SONARS],
-    /// Newest stamp written, so that stamps never go back.
-    written: Time,
-    /// Stamp of a SIP that came in this step.
-    news: Option<Time>,
-    link: Option<Link>,
 }
 
 /// The operator's calls.
@@ -121,32 +88,10 @@ impl Node for P2os {
             Address::Memory { baud, .. } => *baud,
             _ => None,
         };
-        let has = |array| settings.sonar_arrays.contains(&array);
-        let ring = SonarRing::new(has(SonarArray::Front), has(SonarArray::Rear));
-        let model = settings.model();
         Ok(P2os {
             session: Session::new(settings.session(line_baud)),
-            base: Base {
-                reckoning: DeadReckoning::new(settings.drift),
-                ring,
-                drive: Drive::new(settings.repeat_ms * 1e-3, settings.after_loss),
-                max_speed_m_s: model.max_speed_m_s,
-                max_turn_rad_s: model.max_turn_rad_s,
-                model,
-                sip: None,
-                has_connected: false,
-                connections: 0,
-            },
-            paths: Paths {
-                sonar: ports.writer_with_tail("sonar", SONARS)?,
-                odometry: ports.writer("odometry")?,
-                state: ports.writer("state")?,
-                encoders: if settings.encoders { Some(ports.writer("encoders")?) } else { None },
-                beams: [NO_BEAM; SONARS],
-                written: Time::ZERO,
-                news: None,
-                link: None,
-            },
+            base: Base::new(&settings),
+            paths: Paths::open(ports, settings.encoders)?,
             command: ports.reader("command")?,
             calls: Calls {
                 enable: ports.call("enable")?,
@@ -175,7 +120,8 @@ impl Node for P2os {
         self.obey_command(now);
         self.keep_sonar(now);
         self.send(now);
-        self.paths.refresh(now, &self.base, &self.session);
+        let Base { sip, ring, model, .. } = &self.base;
+        self.paths.refresh(now, sip.as_ref(), ring, model, &self.session);
         Ok(())
     }
 
@@ -193,7 +139,7 @@ impl P2os {
             if count == 0 {
                 break;
             }
-            let at = self.device.arrived().max(self.paths.written).min(now);
+            let at = self.device.arrived().max(self.paths.written()).min(now);
             let P2os { session, base, paths, settings, received, .. } = self;
             session.receive(now, &received[..count], |event| base.take(at, event, settings, paths));
         }
@@ -262,11 +208,11 @@ impl P2os {
         match order {
             Order::Enable(true) if !is_running => Err(NOT_CONNECTED),
             Order::Enable(on) => {
-                self.base.drive.operator(on);
+                self.base.drive.power.operator(on);
                 Ok(())
             }
             Order::Stop => {
-                self.base.drive.halt();
+                self.base.drive.power.halt();
                 Ok(())
             }
             Order::Sonar(on) => {
@@ -296,7 +242,7 @@ impl P2os {
                 drive.want(quantize(0.0, 0.0, 0.0, 0.0));
             }
             Wish::Move { forward_m_s, turn_rad_s, enable } => {
-                drive.command(enable);
+                drive.power.command(enable);
                 drive.want(quantize(forward_m_s, turn_rad_s, self.base.max_speed_m_s, self.base.max_turn_rad_s));
             }
         }
@@ -333,86 +279,6 @@ impl P2os {
         }
     }
 }
-
-impl Base {
-    fn take(&mut self, at: Time, event: Event, settings: &P2osConfig, paths: &mut Paths) {
-        match event {
-            Event::Connected(identity) => {
-                if settings.is_auto()
-                    && let Some(known) = model::find(identity.class.as_str(), identity.subclass.as_str())
-                {
-                    self.model = settings.adapt(known);
-                }
-                let first = self.connections == 0;
-                self.connections = self.connections.saturating_add(1);
-                self.max_speed_m_s = self.model.max_speed_m_s;
-                self.max_turn_rad_s = self.model.max_turn_rad_s;
-                self.reckoning.connected(first);
-                self.ring.restart(at);
-                self.drive.connected(first);
-                self.has_connected = true;
-            }
-            Event::Sip(sip) => {
-                let was_off = self.sip.and_then(|last| last.flags).is_some_and(|flags| flags & flag::SONAR_ARRAYS == 0);
-                if was_off && condition(Some(sip)) == Condition::Firing {
-                    self.ring.restart(at);
-                }
-                self.sip = Some(*sip);
-                self.ring.update(at, &sip.sonar, &self.model);
-                if let Some(flags) = sip.flags {
-                    self.drive.device(flags & flag::MOTORS != 0);
-                }
-                if let Some(odometry) = self.reckoning.update(at, sip, &self.model) {
-                    paths.odometry.write(at, &odometry);
-                }
-                paths.write_sonar(at, condition(Some(sip)), &self.ring, &self.model);
-                paths.news = Some(at);
-            }
-            Event::Config(config) => {
-                // Zero means "not told".
-                if config.translation_speed_top > 0 {
-                    let top_m_s = f64::from(config.translation_speed_top) * 1e-3;
-                    self.max_speed_m_s = self.model.max_speed_m_s.min(top_m_s);
-                }
-                if config.rotation_speed_top > 0 {
-                    let top_rad_s = f64::from(config.rotation_speed_top).to_radians();
-                    self.max_turn_rad_s = self.model.max_turn_rad_s.min(top_rad_s);
-                }
-            }
-            Event::Encoder(ticks) => {
-                if let Some(encoders) = &mut paths.encoders {
-                    encoders.write(at, &Encoders { left_ticks: ticks.left.into(), right_ticks: ticks.right.into() });
-                }
-            }
-            Event::Other(_) => {}
-        }
-    }
-}
-
-impl Paths {
-    fn write_sonar(&mut self, at: Time, condition: Condition, ring: &SonarRing, model: &Model) {
-        let (ranges, count) = ring.beams(at, condition, model, &mut self.beams);
-        self.sonar.write_with_tail(at, &ranges, &self.beams[..count]);
-        self.written = at;
-    }
-
-    /// Writes the state after a SIP, and all that can be written without one where it is time.
-    fn refresh(&mut self, now: Time, base: &Base, session: &Session) {
-        let link = session.link();
-        let news = self.news.take();
-        if news.is_none() && self.link == Some(link) && now.since(self.written) < REFRESH_S {
-            return;
-        }
-        if news.is_none() || link != Link::Up {
-            let condition = if link == Link::Up { condition(base.sip.as_ref()) } else { Condition::LinkLost };
-            self.write_sonar(now, condition, &base.ring, &base.model);
-        }
-        self.link = Some(link);
-        self.state.write(self.written, &state(base.sip.as_ref(), session));
-    }
-}
-
-const NO_BEAM: Beam = Beam { origin_x_m: 0.0, origin_y_m: 0.0, bearing_rad: 0.0, range_m: 0.0, age_s: 0.0, echo: 0 };
 
 /// What a sample of `command` asks for.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -477,49 +343,5 @@ fn port(link: DeviceLink) -> Port {
         DeviceLink::Closed { .. } => Port::Closed,
         DeviceLink::Opening => Port::Opening,
         DeviceLink::Open { generation } => Port::Open(generation),
-    }
-}
-
-/// Whether the sonars fire, as far as the newest SIP of a living link says.
-fn condition(sip: Option<&Sip>) -> Condition {
-    match sip.and_then(|sip| sip.flags) {
-        Some(flags) if flags & flag::SONAR_ARRAYS == 0 => Condition::Off,
-        _ => Condition::Firing,
-    }
-}
-
-/// The state as the newest SIP tells it; without a link only the link's own words.
-fn state(sip: Option<&Sip>, session: &Session) -> BaseState {
-    let count = |value: u64| u32::try_from(value).unwrap_or(u32::MAX);
-    let framer = session.framer();
-    let blank = BaseState {
-        battery_v: f64::NAN,
-        charge: f64::NAN,
-        link: session.link() as u32,
-        connections: session.connections(),
-        packets: count(framer.packets()),
-        checksum_errors: count(framer.checksum_errors()),
-        skipped_bytes: count(framer.skipped_bytes()),
-        ..BaseState::default()
-    };
-    let Some(sip) = sip else { return blank };
-    let is_set = |bits: u16| u32::from(sip.flags.unwrap_or(0) & bits != 0);
-    let coarse_dv = sip.battery_dv.map(u16::from);
-    let battery_dv = sip.battery_fine_dv.filter(|dv| *dv > 0).or(coarse_dv);
-    BaseState {
-        battery_v: battery_dv.map_or(f64::NAN, |dv| f64::from(dv) * 0.1),
-        // Simulators and older boards leave it at zero.
-        charge: sip
-            .charge_percent
-            .filter(|percent| (1..=100).contains(percent))
-            .map_or(f64::NAN, |p| f64::from(p) * 0.01),
-        front_bumpers: sip.front_bumpers(),
-        rear_bumpers: sip.rear_bumpers(),
-        stall_left: u32::from(sip.is_left_stalled()),
-        stall_right: u32::from(sip.is_right_stalled()),
-        motors_enabled: is_set(flag::MOTORS),
-        sonar_enabled: is_set(flag::SONAR_ARRAYS),
-        stop_button: is_set(flag::STOP_BUTTON),
-        ..blank
     }
 }

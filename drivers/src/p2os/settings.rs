@@ -1,8 +1,8 @@
 //! The node's settings in the robot file, their bounds, and the model that they make.
 
 use super::dead_reckoning::Drift;
-use super::drive::AfterLoss;
 use super::model::{self, Model, SONARS, SonarPose};
+use super::power::AfterLoss;
 use super::protocol::BAUDS;
 use super::session::SessionConfig;
 use runtime::OpenError;

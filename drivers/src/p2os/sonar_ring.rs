@@ -66,11 +66,6 @@ impl SonarRing {
         self.ignored
     }
 
-    /// Number of beams.
-    pub fn len(&self) -> usize {
-        self.count
-    }
-
     /// Writes a beam per fitted transducer into `beams`; returns the sample's fixed part and how many there are.
     ///
     /// Stamp of the sample: `now`. Age: since the packet that brought the reading; the ping itself is up to 100 ms older.
@@ -182,7 +177,7 @@ mod tests {
         let mut rear = SonarRing::new(false, true);
         rear.update(Time::from_seconds(1.0), &[reading(8, 400), reading(16, 400), reading(255, 1)], model);
         let (_, beams) = beams(&rear, Time::from_seconds(1.0), Condition::Firing);
-        assert_eq!((beams.len(), rear.len(), rear.ignored()), (8, 8, 2));
+        assert_eq!((beams.len(), rear.ignored()), (8, 2));
         assert_eq!((beams[0].range_m, beams[0].origin_x_m), (0.4, -0.157));
     }
 

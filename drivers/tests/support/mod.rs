@@ -1,5 +1,5 @@
 //! What several test files share.
-#![allow(dead_code)] // each test file uses its part
+#![allow(dead_code, clippy::unwrap_used, reason = "each test file uses its part; a test fails by panicking")]
 
 pub mod recording;
 pub mod robot;
