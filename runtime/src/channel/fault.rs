@@ -16,7 +16,6 @@ use rustix::mm::{MapFlags, ProtFlags};
 pub(super) struct Watch {
     start: AtomicUsize,
     end: AtomicUsize,
-    writable: AtomicBool,
     faulted: AtomicBool,
     next: AtomicPtr<Watch>,
 }
@@ -34,14 +33,13 @@ static PREVIOUS: OnceLock<libc::sigaction> = OnceLock::new();
 static INSTALLED: OnceLock<Result<(), i32>> = OnceLock::new();
 
 /// Watches over the map of `bytes` bytes at `start`.
-pub(super) fn watch(start: usize, bytes: usize, writable: bool) -> io::Result<&'static Watch> {
+pub(super) fn watch(start: usize, bytes: usize) -> io::Result<&'static Watch> {
     INSTALLED.get_or_init(install).map_err(io::Error::from_raw_os_error)?;
     let mut unused = UNUSED.lock().unwrap_or_else(PoisonError::into_inner);
     let watch = unused.pop().unwrap_or_else(|| {
         let fresh = Box::leak(Box::new(Watch {
             start: AtomicUsize::new(usize::MAX),
             end: AtomicUsize::new(0),
-            writable: AtomicBool::new(false),
             faulted: AtomicBool::new(false),
             next: AtomicPtr::new(FIRST.load(Ordering::Acquire)),
         }));
@@ -50,7 +48,6 @@ pub(super) fn watch(start: usize, bytes: usize, writable: bool) -> io::Result<&'
         fresh
     });
     watch.faulted.store(false, Ordering::SeqCst);
-    watch.writable.store(writable, Ordering::SeqCst);
     watch.end.store(start + bytes.next_multiple_of(page_bytes()), Ordering::SeqCst);
     watch.start.store(start, Ordering::SeqCst);
     Ok(watch)
@@ -63,6 +60,7 @@ pub(super) fn release(watch: &'static Watch) {
     UNUSED.lock().unwrap_or_else(PoisonError::into_inner).push(watch);
 }
 
+/// Fixed by the first call, which is not the handler's: `watch` asks before any page can fail.
 fn page_bytes() -> usize {
     rustix::param::page_size()
 }
@@ -109,11 +107,13 @@ fn patch(address: usize) -> bool {
             // The mark first: whoever reads a zero of ours must find it.
             watch.faulted.store(true, Ordering::SeqCst);
             let page = address & !(page_bytes() - 1);
-            let write = if watch.writable.load(Ordering::SeqCst) { ProtFlags::WRITE } else { ProtFlags::empty() };
+            // Writable for readers too: the kernel refuses to sleep on a read-only page that nobody can change, and a
+            // waiter would spin.
+            let protection = ProtFlags::READ | ProtFlags::WRITE;
             let flags = MapFlags::PRIVATE | MapFlags::FIXED;
             // SAFETY: the range lies within a map of ours, of whose bytes Rust knows nothing but that they are atomics;
             // zeros are as good as any others. mmap is a bare system call here and keeps errno.
-            let put = unsafe { rustix::mm::mmap_anonymous(page as *mut _, end - page, ProtFlags::READ | write, flags) };
+            let put = unsafe { rustix::mm::mmap_anonymous(page as *mut _, end - page, protection, flags) };
             return put.is_ok();
         }
         next = watch.next.load(Ordering::Acquire);

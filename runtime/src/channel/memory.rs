@@ -46,9 +46,15 @@ impl Memory {
         let flags = if prefault { MapFlags::SHARED | MapFlags::POPULATE } else { MapFlags::SHARED };
         // SAFETY: a fresh mapping at an address of the kernel's choice aliases nothing of ours.
         let start = unsafe { rustix::mm::mmap(ptr::null_mut(), bytes, protection, flags, file, 0)? };
-        let watch = fault::watch(start as usize, bytes, writable);
-        let Some(base) = NonNull::new(start.cast()) else { return Err(io::Error::other("mapped at zero")) };
-        let memory = Memory { base, words, home: Home::Map { watch: watch? } };
+        let (watch, base) = match (fault::watch(start as usize, bytes), NonNull::new(start.cast())) {
+            (Ok(watch), Some(base)) => (watch, base),
+            (refused, _) => {
+                // SAFETY: the mapping just made, which nobody has seen.
+                unsafe { rustix::mm::munmap(start, bytes)? };
+                return Err(refused.err().unwrap_or_else(|| io::Error::other("mapped at address zero")));
+            }
+        };
+        let memory = Memory { base, words, home: Home::Map { watch } };
         // A child between fork and exec must not keep the ring alive, nor be able to write it.
         // SAFETY: the range is the mapping just made; DONTFORK changes nothing for this process.
         unsafe { rustix::mm::madvise(start, bytes, Advice::LinuxDontFork)? };

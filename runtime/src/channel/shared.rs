@@ -46,6 +46,26 @@ struct Ring {
     file: File,
 }
 
+/// A ring that has no name yet; vanishes unless it gets one.
+struct Fresh<'a> {
+    image: Image,
+    geometry: Geometry,
+    name: Hidden<'a>,
+}
+
+/// The hidden name of an unfinished file.
+struct Hidden<'a> {
+    folder: BorrowedFd<'a>,
+    name: String,
+}
+
+impl Drop for Hidden<'_> {
+    fn drop(&mut self) {
+        // Where the file got its real name there is nothing under this one.
+        let _ = rustix::fs::unlinkat(self.folder, &self.name, AtFlags::empty());
+    }
+}
+
 impl SharedTree {
     pub fn open(root: &Path) -> Result<SharedTree, ChannelError> {
         folder::open_root(root, Purpose::Read)?;
@@ -59,10 +79,8 @@ impl SharedTree {
         if place.existing()?.as_ref().is_some_and(fits) {
             return Ok(());
         }
-        let lock = Lock::take(place.folder.as_fd(), place.name, path)?;
-        place.renew(geometry)?;
-        drop(lock);
-        Ok(())
+        let _lock = Lock::take(place.folder.as_fd(), place.name, path)?;
+        place.put(place.make(geometry)?).map(drop)
     }
 
     pub fn writer(&self, path: &str, geometry: &Geometry, claim: Claim) -> Result<RawWriter, ChannelError> {
@@ -75,12 +93,14 @@ impl SharedTree {
                 let fitting = place.existing()?.filter(|ring| ring.geometry == *geometry);
                 match fitting.and_then(|ring| Some((resume(&ring.image)?, ring.image))) {
                     Some((start, image)) => (lock, image, Some(start)),
-                    None => (lock, place.renew(geometry)?, None),
+                    None => (lock, place.put(place.make(geometry)?)?, None),
                 }
             }
             Claim::Fence => {
+                // The ring first: a fence that fails for want of space has taken nothing from anybody.
+                let fresh = place.make(geometry)?;
                 let lock = Lock::seize(folder, place.name, path)?;
-                (lock, place.renew(geometry)?, None)
+                (lock, place.put(fresh)?, None)
             }
         };
         // A ring that was just made has nothing that could keep it from being resumed.
@@ -193,43 +213,17 @@ impl Place<'_> {
         Ok(Some(Ring { image: Image::of(memory, shape), geometry, file }))
     }
 
-    /// Puts a new ring under the name, which carries on what it can of the one that is there. Needs the lock.
-    fn renew(&self, geometry: &Geometry) -> Result<Image, ChannelError> {
+    /// A new, empty ring under a hidden name, its space allocated. Changes nothing that anybody can see.
+    fn make(&self, geometry: &Geometry) -> Result<Fresh<'_>, ChannelError> {
         self.remove_unfinished()?;
-        let old = self.existing()?;
-        // Before its successor is filled: what a hanging writer adds from here on counts for nobody.
-        if let Some(old) = &old {
-            succession::retire(&old.image);
-        }
-        let fresh_name = format!(".{}.{}.new", self.name, std::process::id());
-        let made = self.make(&fresh_name, geometry).and_then(|image| {
-            if let Some(old) = &old {
-                succession::inherit(&old.image, &old.geometry, &image, geometry);
-            }
-            match rustix::fs::renameat(&self.folder, &fresh_name, &self.folder, self.name) {
-                Ok(()) => Ok(image),
-                Err(Errno::ISDIR) => Err(ChannelError::in_the_way(self.path, "a folder")),
-                Err(e) => Err(system(self.path, "name the new file of", e)),
-            }
-        });
-        if made.is_err() {
-            let _ = rustix::fs::unlinkat(&self.folder, &fresh_name, AtFlags::empty());
-        }
-        // After the renaming: whoever wakes finds the successor.
-        if let Some(old) = &old {
-            old.image.wake();
-        }
-        made
-    }
-
-    /// A new, empty ring under a hidden name, its space allocated.
-    fn make(&self, fresh_name: &str, geometry: &Geometry) -> Result<Image, ChannelError> {
         let shape = geometry.shape_for(self.path)?;
         let bytes = shape.total_bytes() as u64;
         let full_or = |doing, e| ChannelError::full_or(self.path, bytes, self.folder.as_fd(), ".".as_ref(), doing, e);
+        let name = format!(".{}.{}.new", self.name, std::process::id());
         let flags = OFlags::RDWR | OFlags::CREATE | OFlags::EXCL | OFlags::NOFOLLOW | OFlags::CLOEXEC;
         let mode = Mode::RUSR | Mode::WUSR | Mode::RGRP | Mode::ROTH;
-        let file = rustix::fs::openat(&self.folder, fresh_name, flags, mode).map_err(|e| full_or("make channel", e))?;
+        let file = rustix::fs::openat(&self.folder, &name, flags, mode).map_err(|e| full_or("make channel", e))?;
+        let name = Hidden { folder: self.folder.as_fd(), name };
         let file = File::from(file);
         allocate(&file, bytes).map_err(|e| full_or("allocate channel", e))?;
         let memory = Memory::map(&file, shape.total_words(), true, true).map_err(|source| ChannelError::System {
@@ -238,7 +232,28 @@ impl Place<'_> {
             source,
         })?;
         let now = rustix::time::clock_gettime(rustix::time::ClockId::Monotonic);
-        Ok(Image::format(memory, geometry, shape, now.tv_sec as u64 * 1_000_000_000 + now.tv_nsec as u64))
+        let created_ns = now.tv_sec as u64 * 1_000_000_000 + now.tv_nsec as u64;
+        Ok(Fresh { image: Image::format(memory, geometry, shape, created_ns), geometry: geometry.clone(), name })
+    }
+
+    /// Puts the new ring under the channel's name; it carries on what it can of the one that is there. Needs the lock.
+    fn put(&self, fresh: Fresh<'_>) -> Result<Image, ChannelError> {
+        let old = self.existing()?;
+        if let Some(old) = &old {
+            // First, so that what a hanging writer adds while its ring is copied counts for nobody.
+            succession::retire(&old.image);
+            succession::inherit(&old.image, &old.geometry, &fresh.image, &fresh.geometry);
+        }
+        let named = rustix::fs::renameat(&self.folder, &fresh.name.name, &self.folder, self.name);
+        // After the renaming: whoever wakes finds the successor.
+        if let Some(old) = &old {
+            old.image.wake();
+        }
+        match named {
+            Ok(()) => Ok(fresh.image),
+            Err(Errno::ISDIR) => Err(ChannelError::in_the_way(self.path, "a folder")),
+            Err(e) => Err(system(self.path, "name the new file of", e)),
+        }
     }
 
     /// Removes what makers that died left.
