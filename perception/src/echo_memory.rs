@@ -33,6 +33,8 @@ pub struct MemoryConfig {
     pub denies_askance_rad: f64,
     /// Most confirmations that count.
     pub most_confirmations: u8,
+    /// How long before its time stamp a reading was taken, on average: a Pioneer's pings are gathered for 100 ms [s].
+    pub heard_before_s: f64,
 }
 
 impl Default for MemoryConfig {
@@ -47,6 +49,7 @@ impl Default for MemoryConfig {
             denies_within_share: 0.7,
             denies_askance_rad: 0.5,
             most_confirmations: 3,
+            heard_before_s: 0.05,
         }
     }
 }
@@ -66,6 +69,9 @@ impl MemoryConfig {
             if !(value.is_finite() && value > 0.0) {
                 return Err(format!("{key} = {value} must be a number greater than zero"));
             }
+        }
+        if !(0.0..=1.0).contains(&self.heard_before_s) {
+            return Err(format!("heard_before_s = {} must be 0 to 1", self.heard_before_s));
         }
         if !(16..=4096).contains(&self.capacity) {
             return Err(format!("capacity = {} must be 16 to 4096 spots", self.capacity));

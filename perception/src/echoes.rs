@@ -1,7 +1,7 @@
 //! Remembers for some seconds where echoes came from, so that what has left a sonar's beam is not forgotten while the
 //! body turns past it.
 //!
-//! Reads `ranges` (a driver's: each disc is renewed only every 320 ms, and eight cones leave gaps) and `odometry`;
+//! Reads `sonar` (a driver's ranges: each disc is renewed only every 320 ms, and eight cones leave gaps) and `odometry`;
 //! writes `ranges`: every remembered spot as a beam from the centre of rotation, in the body frame of the stamp, with
 //! its age; and every beam of the newest sample that is no spot (saw nothing, saw something far away, or has a reason
 //! for no reading), so that readers still know where somebody looks. The rules are in [`crate::echo_memory`].
@@ -26,9 +26,9 @@ const LONGEST_EXTRAPOLATION_S: f64 = 0.3;
 
 /// The node.
 pub struct Echoes {
-    ranges: Reader<Ranges>,
+    sonar: Reader<Ranges>,
     odometry: Reader<Odometry>,
-    remembered: Writer<Ranges>,
+    ranges: Writer<Ranges>,
     hearing: Hearing,
     published: Vec<Beam>,
     outline: Outline,
@@ -50,9 +50,9 @@ impl Node for Echoes {
         };
         let room = config.capacity + BEAMS;
         Ok(Echoes {
-            ranges: ports.reader("ranges")?,
+            sonar: ports.reader("sonar")?,
             odometry: ports.reader("odometry")?,
-            remembered: ports.writer_with_tail("ranges", room)?,
+            ranges: ports.writer_with_tail("ranges", room)?,
             hearing: Hearing::new(config),
             published: Vec::with_capacity(room),
             outline,
@@ -61,16 +61,16 @@ impl Node for Echoes {
     }
 
     fn step(&mut self, now: Time) -> Result<(), Fault> {
-        let Echoes { ranges, odometry, hearing, .. } = self;
+        let Echoes { sonar, odometry, hearing, .. } = self;
         hearing.keep_to_frame(odometry);
         if !self.begun {
             self.begun = true;
-            ranges.newest(HISTORY, |sample| hearing.take(odometry, sample.stamp, sample.message, sample.tail));
+            sonar.newest(HISTORY, |sample| hearing.take(odometry, sample.stamp, sample.message, sample.tail));
         }
-        while let Some(sample) = ranges.next_unread() {
+        while let Some(sample) = sonar.next_unread() {
             hearing.take(odometry, sample.stamp, sample.message, sample.tail);
         }
-        let Some(newest) = ranges.fresh(now) else { return Ok(()) };
+        let Some(newest) = sonar.fresh(now) else { return Ok(()) };
         let Some(place) = place_at(odometry, newest.stamp) else { return Ok(()) };
         let memory = &mut hearing.memory;
         memory.tidy(newest.stamp, &place, &self.outline);
@@ -79,7 +79,7 @@ impl Node for Echoes {
         let others = newest.tail.iter().take(BEAMS).filter(|beam| !memory.keeps(beam));
         self.published.extend(others);
         let head = Ranges { min_range_m: 0.0, beam_width_rad: 0.0, ..*newest.message };
-        self.remembered.write_with_tail(newest.stamp, &head, &self.published);
+        self.ranges.write_with_tail(newest.stamp, &head, &self.published);
         Ok(())
     }
 }
@@ -89,13 +89,15 @@ struct Hearing {
     memory: EchoMemory,
     /// When each beam of the ranger was fired last.
     fired: [Time; BEAMS],
+    heard_before_s: f64,
     /// Writer generation and origin of the odometry frame that the memory is in.
     frame: Option<(u64, u64)>,
 }
 
 impl Hearing {
     fn new(config: MemoryConfig) -> Hearing {
-        Hearing { memory: EchoMemory::new(config), fired: [Time::ZERO; BEAMS], frame: None }
+        let heard_before_s = config.heard_before_s;
+        Hearing { memory: EchoMemory::new(config), fired: [Time::ZERO; BEAMS], heard_before_s, frame: None }
     }
 
     /// Forgets all when the odometry frame is another than before: nobody knows where the old one lies in it.
@@ -118,7 +120,7 @@ impl Hearing {
             // Beams that were fired together share a pose.
             let place = match known {
                 Some((at, place)) if at == time => Some(place),
-                _ => place_at(odometry, time),
+                _ => place_at(odometry, time.before_s(self.heard_before_s)),
             };
             let Some(place) = place else { continue };
             known = Some((time, place));
