@@ -1,5 +1,19 @@
 //! 2-D worlds, bodies and sensors that answer in the devices' wire protocols.
 
+mod body;
+mod contact;
 pub mod geometry;
 pub mod mcu;
+mod noise;
+mod realism;
+mod scene;
+mod simulation;
+mod sonar;
+mod statistics;
 pub mod world;
+
+pub use contact::{BROKEN_FOR_S, BROKEN_GAP_M};
+pub use realism::{LineFaults, Realism, SonarRealism, WheelRealism};
+pub use scene::Thing;
+pub use simulation::{BodySetup, STEP_NS, STEP_S, Setup, SetupError, Simulation};
+pub use statistics::Statistics;

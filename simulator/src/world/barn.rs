@@ -4,7 +4,7 @@
 //! stand at x = −4.425 + 0.15 r, y = 5.175 + 0.15 c. The run-up's walls are the same in every world.
 
 use super::error::WorldError;
-use super::{Start, World};
+use super::{Sketch, Start};
 use crate::geometry::{Circle, Point, Pose};
 use std::f64::consts::FRAC_PI_2;
 
@@ -19,7 +19,7 @@ const BACK_M: f64 = 0.075;
 const SIDE_WALL: usize = 33;
 
 /// Adds world `wanted` of a grids file (the first one when `None`), its walls and its start.
-pub(super) fn add(world: &mut World, file: &str, bytes: &[u8], wanted: Option<u32>) -> Result<(), WorldError> {
+pub(super) fn add(sketch: &mut Sketch, file: &str, bytes: &[u8], wanted: Option<u32>) -> Result<(), WorldError> {
     let text = std::str::from_utf8(bytes)
         .map_err(|_| WorldError::of_file(file, "it is not UTF-8 text", "give a BARN grids file"))?;
     let mut seen = 0;
@@ -48,14 +48,14 @@ pub(super) fn add(world: &mut World, file: &str, bytes: &[u8], wanted: Option<u3
             }
             if chosen {
                 for (column, _) in cells.bytes().enumerate().filter(|(_, cell)| *cell == b'#') {
-                    cylinder(world, LEFT_M + STEP_M * row as f64, FIELD_M + STEP_M * column as f64);
+                    cylinder(sketch, LEFT_M + STEP_M * row as f64, FIELD_M + STEP_M * column as f64);
                 }
             }
         }
         if chosen {
-            add_run_up(world);
-            if world.name.is_empty() {
-                world.name = format!("BARN {index}");
+            add_run_up(sketch);
+            if sketch.name.is_empty() {
+                sketch.name = format!("BARN {index}");
             }
             return Ok(());
         }
@@ -64,18 +64,18 @@ pub(super) fn add(world: &mut World, file: &str, bytes: &[u8], wanted: Option<u3
     Err(WorldError::of_file(file, format!("holds no world{wanted} among its {seen}"), "choose one that it holds"))
 }
 
-fn add_run_up(world: &mut World) {
+fn add_run_up(sketch: &mut Sketch) {
     for k in 0..CELLS {
-        cylinder(world, LEFT_M + STEP_M * k as f64, BACK_M);
+        cylinder(sketch, LEFT_M + STEP_M * k as f64, BACK_M);
     }
     for k in 1..=SIDE_WALL {
         for x in [LEFT_M, RIGHT_M] {
-            cylinder(world, x, BACK_M + STEP_M * k as f64);
+            cylinder(sketch, x, BACK_M + STEP_M * k as f64);
         }
     }
-    world.starts.push(Start { pose: Pose::new(-2.25, 3.0, FRAC_PI_2), spread_m: 0.0, spread_rad: 0.0 });
+    sketch.starts.push(Start { pose: Pose::new(-2.25, 3.0, FRAC_PI_2), spread_m: 0.0, spread_rad: 0.0 });
 }
 
-fn cylinder(world: &mut World, x_m: f64, y_m: f64) {
-    world.add_post(Circle::new(Point::new(x_m, y_m), RADIUS_M), true);
+fn cylinder(sketch: &mut Sketch, x_m: f64, y_m: f64) {
+    sketch.add_post(Circle::new(Point::new(x_m, y_m), RADIUS_M), true);
 }

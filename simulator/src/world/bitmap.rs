@@ -9,7 +9,7 @@
 use super::build::{Loader, beside};
 use super::error::{WorldError, nearest_word};
 use super::image::{self, Image};
-use super::{Solid, World};
+use super::{Sketch, Solid};
 use crate::geometry::{Point, Pose, Segment};
 
 const KEYS: [&str; 7] = ["image", "resolution", "origin", "occupied_thresh", "free_thresh", "negate", "mode"];
@@ -27,7 +27,7 @@ struct Sheet {
 
 /// Adds the occupied cells of the map whose YAML is given.
 pub(super) fn add(
-    world: &mut World,
+    sketch: &mut Sketch,
     file: &str,
     yaml: &[u8],
     rough: bool,
@@ -48,11 +48,11 @@ pub(super) fn add(
         sheet.origin.place() + corner.turned(cos, sin)
     };
     for [from, to] in cells.borders() {
-        world.add_line(Segment::new(place(from.0, from.1), place(to.0, to.1)), rough);
+        sketch.add_line(Segment::new(place(from.0, from.1), place(to.0, to.1)), rough);
     }
     for [low, high] in cells.blocks() {
         let outline = vec![place(low.0, low.1), place(high.0, low.1), place(high.0, high.1), place(low.0, high.1)];
-        world.solids.push(Solid { outline });
+        sketch.solids.push(Solid { outline });
     }
     Ok(())
 }
@@ -207,6 +207,7 @@ fn runs(count: usize, holds: impl Fn(usize) -> bool, mut found: impl FnMut(usize
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::world::World;
 
     const YAML: &str =
         "image: m.pgm\nresolution: 0.5\norigin: [1.0, 2.0, 0.0]\noccupied_thresh: 0.65\nfree_thresh: 0.25\nnegate: 0\n";
@@ -214,13 +215,12 @@ mod tests {
     const PGM: &str = "P2\n3 2\n255\n0 255 255\n255 0 0\n";
 
     fn world(yaml: &str) -> Result<World, WorldError> {
-        let mut world = World::default();
-        add(&mut world, "maps/m.yaml", yaml.as_bytes(), false, &mut |name| {
+        let mut sketch = Sketch::default();
+        add(&mut sketch, "maps/m.yaml", yaml.as_bytes(), false, &mut |name| {
             assert_eq!(name, "maps/m.pgm");
             Ok(PGM.into())
         })?;
-        world.finish();
-        Ok(world)
+        Ok(sketch.finish())
     }
 
     #[test]

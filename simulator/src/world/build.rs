@@ -2,7 +2,7 @@
 
 use super::error::{WorldError, nearest_word};
 use super::file::{BoxTable, CircleTable, PersonTable, PolygonTable, StartTable, WallTable, WorldFile};
-use super::{Person, Solid, Start, World, barn, bitmap};
+use super::{Person, Sketch, Solid, Start, barn, bitmap};
 use crate::geometry::{Circle, Point, Segment};
 use std::f64::consts::PI;
 use toml::Spanned;
@@ -13,10 +13,10 @@ const DEG: f64 = PI / 180.0;
 pub(super) type Loader<'a> = dyn FnMut(&str) -> Result<Vec<u8>, String> + 'a;
 
 /// Builds the world that the TOML `text` of `file` describes.
-pub(super) fn from_toml(file: &str, text: &str, load: &mut Loader) -> Result<World, WorldError> {
+pub(super) fn from_toml(file: &str, text: &str, load: &mut Loader) -> Result<Sketch, WorldError> {
     let words: WorldFile = toml::from_str(text).map_err(|error| refused(file, text, &error))?;
     let at = Source { file, text };
-    let mut world = World { name: words.name, ..World::default() };
+    let mut sketch = Sketch { name: words.name, ..Sketch::default() };
     if let Some(bounds) = &words.bounds_m {
         let [left, bottom, right, top] = *bounds.get_ref();
         at.require(
@@ -27,38 +27,38 @@ pub(super) fn from_toml(file: &str, text: &str, load: &mut Loader) -> Result<Wor
         )?;
         let corners = [(left, bottom), (right, bottom), (right, top), (left, top)].map(|(x, y)| Point::new(x, y));
         for k in 0..4 {
-            world.add_line(Segment::new(corners[k], corners[(k + 1) % 4]), false);
+            sketch.add_line(Segment::new(corners[k], corners[(k + 1) % 4]), false);
         }
     }
     for wall in &words.wall {
-        add_wall(&mut world, &at, wall)?;
+        add_wall(&mut sketch, &at, wall)?;
     }
     for table in &words.r#box {
-        add_box(&mut world, &at, table)?;
+        add_box(&mut sketch, &at, table)?;
     }
     for polygon in &words.polygon {
-        add_polygon(&mut world, &at, polygon)?;
+        add_polygon(&mut sketch, &at, polygon)?;
     }
     for circle in &words.circle {
-        add_circle(&mut world, &at, circle)?;
+        add_circle(&mut sketch, &at, circle)?;
     }
     if let Some(table) = &words.bitmap {
         let name = beside(file, &table.get_ref().file);
         let bytes = at.load(load, table, &name)?;
-        bitmap::add(&mut world, &name, &bytes, table.get_ref().rough, load)?;
+        bitmap::add(&mut sketch, &name, &bytes, table.get_ref().rough, load)?;
     }
     if let Some(table) = &words.barn {
         let name = beside(file, &table.get_ref().file);
         let bytes = at.load(load, table, &name)?;
-        barn::add(&mut world, &name, &bytes, table.get_ref().world)?;
+        barn::add(&mut sketch, &name, &bytes, table.get_ref().world)?;
     }
     for start in &words.start {
-        world.starts.push(read_start(&at, start)?);
+        sketch.starts.push(read_start(&at, start)?);
     }
     for person in &words.person {
-        world.persons.push(read_person(&at, person)?);
+        sketch.persons.push(read_person(&at, person)?);
     }
-    Ok(world)
+    Ok(sketch)
 }
 
 /// `name` as seen from the folder of `file`.
@@ -69,7 +69,7 @@ pub(super) fn beside(file: &str, name: &str) -> String {
     }
 }
 
-fn add_wall(world: &mut World, at: &Source, table: &Spanned<WallTable>) -> Result<(), WorldError> {
+fn add_wall(sketch: &mut Sketch, at: &Source, table: &Spanned<WallTable>) -> Result<(), WorldError> {
     let wall = table.get_ref();
     let points = at.points(table, &wall.points_m, 2)?;
     at.require(
@@ -104,7 +104,7 @@ fn add_wall(world: &mut World, at: &Source, table: &Spanned<WallTable>) -> Resul
         let piece_m = along.norm();
         for (start, end) in solid_runs(begun_m, begun_m + piece_m, &gaps) {
             let point = |way_m: f64| from + along * ((way_m - begun_m) / piece_m);
-            world.add_slab(Segment::new(point(start), point(end)), wall.thickness_m, wall.rough);
+            sketch.add_slab(Segment::new(point(start), point(end)), wall.thickness_m, wall.rough);
         }
         begun_m += piece_m;
     }
@@ -130,7 +130,7 @@ fn solid_runs(from: f64, to: f64, gaps: &[(f64, f64)]) -> Vec<(f64, f64)> {
     runs
 }
 
-fn add_box(world: &mut World, at: &Source, table: &Spanned<BoxTable>) -> Result<(), WorldError> {
+fn add_box(sketch: &mut Sketch, at: &Source, table: &Spanned<BoxTable>) -> Result<(), WorldError> {
     let BoxTable { centre_m, size_m, heading_deg, rough } = table.get_ref();
     let finite = centre_m.iter().chain(size_m).chain([heading_deg]).all(|number| number.is_finite());
     at.require(
@@ -142,7 +142,7 @@ fn add_box(world: &mut World, at: &Source, table: &Spanned<BoxTable>) -> Result<
     let (along, across) =
         (Point::unit(heading_deg * DEG) * (0.5 * size_m[0]), Point::unit(heading_deg * DEG).left() * (0.5 * size_m[1]));
     let centre = Point::new(centre_m[0], centre_m[1]);
-    world.add_solid(
+    sketch.add_solid(
         Solid {
             outline: vec![
                 centre - along - across,
@@ -156,13 +156,13 @@ fn add_box(world: &mut World, at: &Source, table: &Spanned<BoxTable>) -> Result<
     Ok(())
 }
 
-fn add_polygon(world: &mut World, at: &Source, table: &Spanned<PolygonTable>) -> Result<(), WorldError> {
+fn add_polygon(sketch: &mut Sketch, at: &Source, table: &Spanned<PolygonTable>) -> Result<(), WorldError> {
     let outline = at.points(table, &table.get_ref().points_m, 3)?;
-    world.add_solid(Solid { outline }, table.get_ref().rough);
+    sketch.add_solid(Solid { outline }, table.get_ref().rough);
     Ok(())
 }
 
-fn add_circle(world: &mut World, at: &Source, table: &Spanned<CircleTable>) -> Result<(), WorldError> {
+fn add_circle(sketch: &mut Sketch, at: &Source, table: &Spanned<CircleTable>) -> Result<(), WorldError> {
     let CircleTable { centre_m, radius_m, rough } = table.get_ref();
     let finite = centre_m.iter().chain([radius_m]).all(|number| number.is_finite());
     at.require(
@@ -171,7 +171,7 @@ fn add_circle(world: &mut World, at: &Source, table: &Spanned<CircleTable>) -> R
         "a circle needs a radius_m above zero",
         "write for example radius_m = 0.2",
     )?;
-    world.add_post(Circle::new(Point::new(centre_m[0], centre_m[1]), *radius_m), *rough);
+    sketch.add_post(Circle::new(Point::new(centre_m[0], centre_m[1]), *radius_m), *rough);
     Ok(())
 }
 

@@ -19,7 +19,7 @@ pub(crate) enum Entry {
 }
 
 /// Cells in rows from the lower left corner; each lists the primitives that touch it.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone)]
 pub(crate) struct Grid {
     pub low: Point,
     pub cell_m: f64,
@@ -36,7 +36,8 @@ impl Grid {
         let cell_m = CELL_M.max((width * height / MAX_CELLS).sqrt());
         let columns = (width / cell_m).floor() as i32 + 1;
         let rows = (height / cell_m).floor() as i32 + 1;
-        let mut grid = Grid { low, cell_m, inverse: 1.0 / cell_m, columns, rows, ..Grid::default() };
+        let (starts, entries) = (Vec::new(), Vec::new());
+        let mut grid = Grid { low, cell_m, inverse: 1.0 / cell_m, columns, rows, starts, entries };
         let mut lists: Vec<(u32, u32)> = Vec::new();
         for (k, segment) in segments.iter().enumerate() {
             grid.each_cell_of_segment(segment, |cell| lists.push((cell, k as u32)));

@@ -22,7 +22,7 @@ pub struct Post {
 }
 
 /// All that stands still in a world, indexed by place.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone)]
 pub struct Map {
     segments: Vec<Segment>,
     circles: Vec<Circle>,
@@ -42,6 +42,12 @@ pub struct Nearest {
     pub on_body: Point,
     /// Its end on the other thing, in the world.
     pub on_thing: Point,
+}
+
+impl Default for Map {
+    fn default() -> Map {
+        Map::new(&[], &[])
+    }
 }
 
 impl Map {

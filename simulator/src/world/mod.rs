@@ -53,8 +53,17 @@ pub struct World {
     pub persons: Vec<Person>,
     /// Where robots start, in order.
     pub starts: Vec<Start>,
+}
+
+/// A world while it is being read.
+#[derive(Debug, Default)]
+struct Sketch {
+    name: String,
     walls: Vec<Wall>,
     posts: Vec<Post>,
+    solids: Vec<Solid>,
+    persons: Vec<Person>,
+    starts: Vec<Start>,
 }
 
 impl World {
@@ -66,30 +75,29 @@ impl World {
         };
         let bytes = load(file)
             .map_err(|why| WorldError::of_file(file, format!("cannot be read: {why}"), "correct the name"))?;
-        let mut world = World::default();
+        let mut sketch = Sketch::default();
         match file.rsplit_once('.').map(|(_, ending)| ending) {
             Some("toml") => {
                 let text = std::str::from_utf8(&bytes)
                     .map_err(|_| WorldError::of_file(file, "it is not UTF-8 text", "save it as UTF-8"))?;
-                world = build::from_toml(file, text, load)?;
+                sketch = build::from_toml(file, text, load)?;
             }
-            Some("yaml" | "yml") => bitmap::add(&mut world, file, &bytes, false, load)?,
+            Some("yaml" | "yml") => bitmap::add(&mut sketch, file, &bytes, false, load)?,
             Some("txt") => {
                 let wanted = choice.map(str::parse).transpose().map_err(|_| {
                     WorldError::of_file(name, "what follows # is no number", "write for example grids.txt#1")
                 })?;
-                barn::add(&mut world, file, &bytes, wanted)?;
+                barn::add(&mut sketch, file, &bytes, wanted)?;
             }
             _ => {
                 let remedy = "give a world (.toml), a map_server map (.yaml) or a BARN grid (.txt)";
                 return Err(WorldError::of_file(file, "this kind of file describes no world", remedy));
             }
         }
-        if world.name.is_empty() {
-            world.name = file.rsplit('/').next().unwrap_or(file).to_owned();
+        if sketch.name.is_empty() {
+            sketch.name = file.rsplit('/').next().unwrap_or(file).to_owned();
         }
-        world.finish();
-        Ok(world)
+        Ok(sketch.finish())
     }
 
     /// A world of these obstacles alone.
@@ -102,7 +110,9 @@ impl World {
         self.map.circles().iter().any(|circle| circle.contains(point))
             || self.solids.iter().any(|solid| solid.contains(point))
     }
+}
 
+impl Sketch {
     fn add_line(&mut self, segment: Segment, rough: bool) {
         self.walls.push(Wall { segment, rough });
     }
@@ -131,9 +141,9 @@ impl World {
     }
 
     /// Builds the index once everything has been added.
-    fn finish(&mut self) {
-        self.map = Map::new(&self.walls, &self.posts);
-        (self.walls, self.posts) = (Vec::new(), Vec::new());
+    fn finish(self) -> World {
+        let Sketch { name, walls, posts, solids, persons, starts } = self;
+        World { name, map: Map::new(&walls, &posts), solids, persons, starts }
     }
 }
 
