@@ -345,9 +345,7 @@ impl NodeThread {
         }
         self.rebind = now;
         for input in self.running.opened.ports.inputs() {
-            if (input.wants_binding() || input.is_set)
-                && let Err(e) = input.bind(&self.tree)
-            {
+            if let Err(e) = input.bind(&self.tree) {
                 eprintln!("{}: {e}", self.instance);
             }
         }

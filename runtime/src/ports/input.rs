@@ -39,7 +39,11 @@ impl Source {
                 self.ring = Some(ring);
                 Ok(())
             }
-            Err(ChannelError::Missing { .. }) => Ok(()),
+            Err(ChannelError::Missing { .. }) => {
+                self.ring = None;
+                self.frozen = 0;
+                Ok(())
+            }
             Err(e) => Err(OpenError::Port { port: self.path.clone(), reason: e.to_string() }),
         }
     }
@@ -136,7 +140,7 @@ impl Input {
             }
         }
         for source in sources.iter_mut() {
-            if source.ring.as_ref().is_none_or(RawReader::retired) {
+            if source.ring.as_ref().is_none_or(|ring| ring.retired() || ring.unlinked()) {
                 let had = source.ring.is_some();
                 source.open(tree, &self.expect)?;
                 if source.ring.is_some() || had {
@@ -146,6 +150,12 @@ impl Input {
                     self.fit(ring.geometry());
                 }
             }
+        }
+        if let Some(wire) = &self.wire
+            && self.is_set
+        {
+            // A member that is gone leaves the set; a source that the robot file names keeps its place.
+            sources.retain(|source| source.ring.is_some() || wire.from.contains(&source.path));
         }
         Ok(())
     }
@@ -158,11 +168,6 @@ impl Input {
             let buffer = || SampleBuffer::new(geometry);
             *self.spare.borrow_mut() = Some([buffer(), buffer()]);
         }
-    }
-
-    /// Whether some ring is absent or retired, so that `bind` would have work.
-    pub(crate) fn wants_binding(&self) -> bool {
-        self.sources.borrow().iter().any(|source| source.ring.as_ref().is_none_or(RawReader::retired))
     }
 
     /// Fixes what the coming step can see, and picks the candidate.
