@@ -9,12 +9,14 @@
 //! | [`drive`], [`power`] | which motion command goes out next, and who may have the motors |
 //! | [`dead_reckoning`], [`sonar_ring`] | from packets to odometry and beams |
 //! | [`settings`], [`P2os`] | the node |
+//! | [`conformance`] | what every robot at the other end must do |
 //!
 //! All but the node is pure. `protocol`, `sip`, `config` and `model` serve both ends: a simulated microcontroller uses
 //! the same files.
 
 mod base;
 pub mod config;
+pub mod conformance;
 pub mod dead_reckoning;
 pub mod drive;
 mod encoders;

@@ -149,6 +149,11 @@ impl Robot {
             }
             (Phase::Running, command::ENABLE) => self.motors = request.integer() != 0,
             (Phase::Running, command::SONAR) => self.sonar = request.integer() != 0,
+            (Phase::Running, command::VEL2) => {
+                let (left, right) = unpack_wheels(request.integer());
+                self.velocity = (left + right) / 2;
+                self.turn = (f64::from(right - left) / 2.0 * 0.0056).to_degrees().round() as i32;
+            }
             (Phase::Running, command::VEL) => self.velocity = request.integer(),
             (Phase::Running, command::RVEL) => self.turn = request.integer(),
             (Phase::Running, command::STOP) => (self.velocity, self.turn) = (0, 0),
