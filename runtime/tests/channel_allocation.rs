@@ -1,4 +1,5 @@
 //! The hot path of a channel asks nothing of the allocator.
+#![allow(clippy::unwrap_used, reason = "tests")]
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;

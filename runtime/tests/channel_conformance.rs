@@ -1,4 +1,5 @@
 //! What a channel promises, told once and asked of both memories: files and the heap.
+#![allow(clippy::unwrap_used, reason = "tests")]
 
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};

@@ -1,5 +1,6 @@
 //! Files that anybody may have written: whatever is in them, no reader and no writer panics, reads beyond the file,
 //! runs for ever or takes one sample for another.
+#![allow(clippy::unwrap_used, reason = "tests")]
 
 use std::fs::{self, OpenOptions};
 use std::os::unix::fs::FileExt;

@@ -3,6 +3,7 @@
 //! proof proves nothing.
 //!
 //! `RUSTFLAGS="--cfg loom" cargo test -p sinew-runtime --test channel_loom --release`
+#![allow(clippy::unwrap_used, reason = "tests")]
 #![cfg(loom)]
 
 use loom::sync::Arc;

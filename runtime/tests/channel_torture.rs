@@ -1,5 +1,6 @@
 //! A thousand writers, each killed at a random moment; readers in this and in another process never see a torn sample,
 //! never wait for the dead, and meet every new writer.
+#![allow(clippy::unwrap_used, reason = "tests")]
 
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
@@ -141,7 +142,7 @@ fn writer_process() {
     let mut writer = tree().writer(PATH, &geometry(), Claim::Continue).unwrap();
     let (generation, first) = (writer.generation(), writer.next_sequence());
     // A test that was itself killed leaves no process behind.
-    while writer.next_sequence() % 1024 != 0 || parent() == parent_at_start {
+    while !writer.next_sequence().is_multiple_of(1024) || parent() == parent_at_start {
         let n = writer.next_sequence();
         let fixed = fixed(n, generation, first).map(u64::to_le_bytes);
         let published = writer.publish_in_place(n * 10, fixed.as_flattened(), tail_words(n) as usize * 8, |tail| {
