@@ -4,6 +4,7 @@ mod body;
 mod contact;
 pub mod geometry;
 pub mod mcu;
+mod node;
 mod noise;
 mod realism;
 mod scene;
@@ -13,7 +14,13 @@ mod statistics;
 pub mod world;
 
 pub use contact::{BROKEN_FOR_S, BROKEN_GAP_M};
+pub use node::{BodyConfig, World, WorldConfig};
 pub use realism::{LineFaults, Realism, SonarRealism, WheelRealism};
 pub use scene::Thing;
 pub use simulation::{BodySetup, STEP_NS, STEP_S, Setup, SetupError, Simulation};
 pub use statistics::Statistics;
+
+use runtime::NodeType;
+
+/// Node types of this layer.
+pub const NODES: &[NodeType] = &[NodeType::of::<node::World>()];

@@ -104,6 +104,8 @@ const SIP_CYCLE_MS: u8 = 100;
 const BUMPERS: u8 = 5;
 /// A drawn start keeps so much room around the body [m].
 const START_ROOM_M: f64 = 0.05;
+/// Nobody's walk begins nearer to a robot, where its phase is drawn [m].
+const PERSON_ROOM_M: f64 = 1.0;
 /// Draws of a start before the middle of its spread is taken.
 const START_DRAWS: usize = 100;
 
@@ -114,16 +116,10 @@ impl Simulation {
             return Err(SetupError::Realism(reason));
         }
         let seed = setup.seed;
-        let phase = |index: usize, given: Option<f64>| {
-            given.unwrap_or_else(|| Chance::new(seed, Purpose::Person, index).share())
-        };
-        let walks: Vec<_> =
-            world.persons.iter().enumerate().map(|(k, person)| person.start(phase(k, person.phase))).collect();
-        let discs: Vec<Circle> = walks.iter().map(|walk| walk.disc).collect();
         let mut simulation = Simulation {
-            disc_velocities: vec![Point::ZERO; walks.len()],
-            walks,
-            discs,
+            walks: Vec::new(),
+            discs: Vec::new(),
+            disc_velocities: Vec::new(),
             actors: Vec::new(),
             placed: Vec::new(),
             now: Time::ZERO,
@@ -145,7 +141,34 @@ impl Simulation {
             simulation.placed.push(actor.placed);
             simulation.actors.push(actor);
         }
+        for index in 0..simulation.world.persons.len() {
+            simulation.add_person(index, seed)?;
+        }
         Ok(simulation)
+    }
+
+    /// Puts a person on the path; where the phase is drawn, not where a robot starts.
+    fn add_person(&mut self, index: usize, seed: u64) -> Result<(), SetupError> {
+        let person = &self.world.persons[index];
+        let mut chance = Chance::new(seed, Purpose::Person, index);
+        let in_the_way =
+            |disc: &Circle, room_m: f64| self.placed.iter().position(|body| body.gap_to_circle(disc).0 <= room_m);
+        let drawn = (0..START_DRAWS).map(|_| person.start(chance.share()));
+        let walk = match person.phase {
+            Some(phase) => person.start(phase),
+            None => drawn
+                .into_iter()
+                .find(|walk| in_the_way(&walk.disc, PERSON_ROOM_M).is_none())
+                .unwrap_or_else(|| person.start(0.0)),
+        };
+        if let Some(body) = in_the_way(&walk.disc, 0.0) {
+            let Pose { x_m, y_m, .. } = self.pose(body);
+            return Err(SetupError::Occupied { body, x_m, y_m });
+        }
+        self.walks.push(walk);
+        self.discs.push(walk.disc);
+        self.disc_velocities.push(Point::ZERO);
+        Ok(())
     }
 
     fn make(&self, setup: &Setup, index: usize, body: &BodySetup) -> Result<Actor, SetupError> {
@@ -195,7 +218,6 @@ impl Simulation {
     fn is_free(&self, placed: &Placed, room_m: f64) -> bool {
         !self.world.is_solid(placed.centre)
             && self.world.map.nearest(placed, room_m).is_none()
-            && self.discs.iter().all(|disc| placed.gap_to_circle(disc).0 > room_m)
             && self.placed.iter().all(|other| placed.gap_to_placed(other).0 > room_m)
     }
 }
