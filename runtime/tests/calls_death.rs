@@ -1,5 +1,7 @@
 //! A node that is killed in mid-call: its callers learn so at once, from the kernel, not from a timeout.
 
+#![allow(clippy::unwrap_used, reason = "tests")]
+
 mod calls_support;
 
 use std::io::{BufRead, BufReader};

@@ -1,5 +1,7 @@
 //! A node's socket under hostile bytes: whatever comes, the node goes on answering others.
 
+#![allow(clippy::unwrap_used, reason = "tests")]
+
 mod calls_support;
 
 use calls_support::*;

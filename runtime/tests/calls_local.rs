@@ -1,5 +1,7 @@
 //! Calls within a simulated host: the same ports and last words, on virtual time and without threads.
 
+#![allow(clippy::unwrap_used, reason = "tests")]
+
 mod calls_support;
 
 use calls_support::{Goal, Number, Remaining};

@@ -138,15 +138,18 @@ impl Outgoing {
     }
 
     fn take_reply(&mut self, header: &Header, body: &[u8]) {
-        let Some(current) = self.current.as_mut().filter(|current| current.head.id == header.id) else { return };
+        // 0: the node has no room for this caller.
+        let meant = |current: &&mut Current| header.id == current.head.id || header.id == 0;
+        let Some(current) = self.current.as_mut().filter(meant) else { return };
+        let id = current.head.id;
         match header.kind {
             Kind::Accepted => {
                 current.accepted = true;
-                self.line.accepted(header.id);
+                self.line.accepted(id);
                 (self.notify)();
             }
             Kind::Progress => {
-                self.line.progress(header.id, header.layout_hash, body);
+                self.line.progress(id, header.layout_hash, body);
                 (self.notify)();
             }
             _ => {

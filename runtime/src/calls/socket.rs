@@ -167,7 +167,8 @@ pub(super) fn receive_message(socket: impl AsFd, buffer: &mut [u8]) -> Received<
             Ok((0, _)) => Received::Gone,
             Ok((_, whole)) if whole > buffer.len() => Received::TooLong(whole),
             Ok((length, _)) => Received::Message(&buffer[..length]),
-            Err(Errno::INTR) => continue,
+            // The kernel says once that the other end closed with unread messages; its own last word still waits here.
+            Err(Errno::INTR | Errno::CONNRESET) => continue,
             Err(Errno::AGAIN) => Received::Nothing,
             Err(_) => Received::Gone,
         };

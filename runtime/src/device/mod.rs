@@ -142,6 +142,16 @@ impl Device {
         }
     }
 
+    /// The state of the link in the words of an operator's console: where, what or why, what to do. Allocates: not for
+    /// a step.
+    pub fn explain(&self) -> String {
+        match (&self.back, self.link()) {
+            (Back::Live(wire), link) => wire.explain(link),
+            (Back::Memory(end), DeviceLink::Closed { why }) => why.explain(end.address()),
+            (Back::Memory(end), _) => format!("device {}: open", end.address()),
+        }
+    }
+
     /// The TCP port that a served address listens on, once it does: address port 0 lets the kernel choose.
     pub fn listening_port(&self) -> Option<u16> {
         self.wire().map(|wire| wire.port.load(Ordering::Acquire)).filter(|port| *port != 0)

@@ -99,6 +99,23 @@ impl Wire {
         }
     }
 
+    /// The state of the link in the words of an operator's console: where, what or why, what to do.
+    pub fn explain(&self, link: DeviceLink) -> String {
+        let address = &self.address;
+        match (link, self.side) {
+            (DeviceLink::Open { generation: 1 }, _) => format!("device {address}: open"),
+            (DeviceLink::Open { generation }, _) => format!("device {address}: open, for the {generation}. time"),
+            (DeviceLink::Opening, _) => format!("device {address}: opening"),
+            (DeviceLink::Closed { why: WhyClosed::NoSuchPort }, Side::Server) => {
+                format!("device {address}: cannot be made: its folder does not exist; make the folder")
+            }
+            (DeviceLink::Closed { why: WhyClosed::Busy }, Side::Server) if matches!(address, Address::Pty { .. }) => {
+                format!("device {address}: something else than a link is there; remove it or choose another path")
+            }
+            (DeviceLink::Closed { why }, _) => why.explain(address),
+        }
+    }
+
     /// Step: moves what has come into `buffer`.
     pub fn receive(&self, buffer: &mut [u8]) -> usize {
         let count = self.incoming.pop(buffer);

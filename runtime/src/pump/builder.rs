@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use super::watch::Watch;
-use super::{Arrival, Notifier, Part, Pump, Waker};
+use super::{Arrival, Log, Notifier, Part, Pump, Waker};
 use crate::calls::{self, CallLine, CallPort, Caller, LocalCalls, NodeState, OrderPort, Stage, StepWatch};
 use crate::device::{self, Device, Wire};
 
@@ -16,6 +16,7 @@ pub struct PumpBuilder {
     /// The node's path, `/<layer>/<instance>`.
     path: String,
     notifier: Notifier,
+    log: Log,
     on_start: Option<Box<dyn FnOnce() + Send>>,
     stack_bytes: usize,
     wires: Vec<Arc<Wire>>,
@@ -53,6 +54,7 @@ impl PumpBuilder {
         PumpBuilder {
             path: path.into(),
             notifier: Arc::new(|_| {}),
+            log: Arc::new(|_| {}),
             on_start: None,
             stack_bytes: DEFAULT_STACK_BYTES,
             wires: Vec::new(),
@@ -73,6 +75,11 @@ impl PumpBuilder {
     /// How the step's thread learns that something has come.
     pub fn notify(&mut self, notifier: Notifier) {
         self.notifier = notifier;
+    }
+
+    /// Who hears each change of a device's link, as one line: where, what or why, what to do.
+    pub fn log(&mut self, log: Log) {
+        self.log = log;
     }
 
     /// Runs `f` first on the pump's thread: the host sets its priority there.
@@ -113,7 +120,8 @@ impl PumpBuilder {
             if !wire.attach(waker.clone()) {
                 return Err(PumpError::AttachedTwice(format!("device {}", wire.address)));
             }
-            parts.push(Box::new(device::LiveDevice::new(wire, told(&self.notifier, Arrival::Device), waker.clone())));
+            let notify = told(&self.notifier, Arrival::Device);
+            parts.push(Box::new(device::LiveDevice::new(wire, notify, Arc::clone(&self.log), waker.clone())));
         }
         for stage in &self.stages {
             if !stage.attach(waker.clone()) {

@@ -30,3 +30,6 @@ pub enum Arrival {
 
 /// Tells the step's thread that something has come. Called on the pump's thread; it must not wait.
 pub type Notifier = Arc<dyn Fn(Arrival) + Send + Sync>;
+
+/// Takes one line for people's eyes. Called on the pump's thread.
+pub type Log = Arc<dyn Fn(&str) + Send + Sync>;

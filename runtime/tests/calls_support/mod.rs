@@ -1,5 +1,6 @@
 //! What the tests of calls and devices share: messages, a node whose step the test plays, raw sockets, patience.
-#![allow(dead_code)] // each test file uses its part
+
+#![allow(dead_code, clippy::unwrap_used, reason = "tests; each file uses its part")]
 
 use std::os::fd::OwnedFd;
 use std::path::Path;

@@ -59,7 +59,11 @@ impl Listen {
     fn failed(&mut self, now: Time, stream: &mut Stream, why: WhyClosed) {
         self.listener = None;
         stream.close(why);
-        self.back_off.failed(now);
+        match why {
+            // Another robot file is needed.
+            WhyClosed::NotPossible => self.back_off.rest(),
+            _ => self.back_off.failed(now),
+        }
     }
 
     pub fn watch<'a>(&'a self, stream: &'a Stream, descriptors: &mut Vec<PollFd<'a>>) {

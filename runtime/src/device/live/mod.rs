@@ -19,7 +19,7 @@ use stream::Stream;
 
 use super::{Address, Side, WhyClosed, Wire};
 use crate::Time;
-use crate::pump::{Part, Waker};
+use crate::pump::{Log, Part, Waker};
 
 /// A device as the pump runs it.
 pub(crate) struct LiveDevice {
@@ -34,14 +34,14 @@ enum Source {
 }
 
 impl LiveDevice {
-    /// Runs `wire`; `notify` tells the step of bytes and of changes of the link.
-    pub fn new(wire: Arc<Wire>, notify: Box<dyn Fn() + Send>, waker: Waker) -> LiveDevice {
+    /// Runs `wire`; `notify` tells the step of bytes and of changes of the link, `log` tells people of the latter.
+    pub fn new(wire: Arc<Wire>, notify: Box<dyn Fn() + Send>, log: Log, waker: Waker) -> LiveDevice {
         let source = match (wire.side, &wire.address) {
             (Side::Client, _) => Source::Client(Client::new(waker)),
             (Side::Server, Address::Pty { .. }) => Source::ServePty(ServePty::new()),
             (Side::Server, _) => Source::Listen(Listen::new(waker)),
         };
-        let mut stream = Stream::new(wire, notify);
+        let mut stream = Stream::new(wire, notify, log);
         stream.opening();
         LiveDevice { stream, source }
     }

@@ -69,6 +69,8 @@ impl ServePty {
         }
         self.look_for_client(now, stream);
         match (&self.terminal, &stream.line) {
+            // Somebody came while the last client was seen off, and that notification has been taken.
+            (Some(terminal), None) if terminal.has_client() => Some(now),
             (Some(Terminal { opens: None, .. }), None) => Some(now.after_s(LOOK_S)),
             _ => self.back_off.next(),
         }

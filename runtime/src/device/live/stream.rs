@@ -10,6 +10,7 @@ use rustix::io::Errno;
 use crate::Time;
 use crate::device::wire::Line;
 use crate::device::{DeviceLink, WhyClosed, Wire};
+use crate::pump::Log;
 
 /// Reads of one look at a line, so that a fast one does not starve the others.
 const READS_PER_LOOK: usize = 8;
@@ -19,14 +20,15 @@ pub(super) struct Stream {
     pub wire: Arc<Wire>,
     pub line: Option<Line>,
     notify: Box<dyn Fn() + Send>,
+    log: Log,
     generation: u64,
     /// Whether this line has brought a byte yet.
     pub alive: bool,
 }
 
 impl Stream {
-    pub fn new(wire: Arc<Wire>, notify: Box<dyn Fn() + Send>) -> Stream {
-        Stream { wire, line: None, notify, generation: 0, alive: false }
+    pub fn new(wire: Arc<Wire>, notify: Box<dyn Fn() + Send>, log: Log) -> Stream {
+        Stream { wire, line: None, notify, log, generation: 0, alive: false }
     }
 
     /// Bytes may flow over `descriptor` from now on.
@@ -55,6 +57,7 @@ impl Stream {
     fn tell(&self, link: DeviceLink) {
         if self.wire.link.get() != link {
             self.wire.link.set(link);
+            (self.log)(&self.wire.explain(link));
             (self.notify)();
         }
     }

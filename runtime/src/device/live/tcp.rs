@@ -8,7 +8,7 @@ use std::time::Duration;
 use rustix::io::Errno;
 use rustix::net::sockopt::{
     set_socket_keepalive, set_socket_reuseaddr, set_tcp_keepcnt, set_tcp_keepidle, set_tcp_keepintvl, set_tcp_nodelay,
-    socket_error,
+    set_tcp_user_timeout, socket_error,
 };
 use rustix::net::{
     AddressFamily, SocketFlags, SocketType, accept_with, bind, connect, getpeername, getsockname, listen, socket_with,
@@ -71,7 +71,8 @@ fn tune(socket: impl AsFd) -> Result<(), WhyClosed> {
         .and_then(|()| set_socket_keepalive(&socket, true))
         .and_then(|()| set_tcp_keepidle(&socket, Duration::from_secs(2)))
         .and_then(|()| set_tcp_keepintvl(&socket, Duration::from_secs(1)))
-        .and_then(|()| set_tcp_keepcnt(&socket, 3));
+        .and_then(|()| set_tcp_keepcnt(&socket, 3))
+        .and_then(|()| set_tcp_user_timeout(&socket, 5_000));
     tuned.map_err(WhyClosed::from_errno)
 }
 
