@@ -105,15 +105,27 @@ impl Placed {
 
     /// Gap to a segment.
     pub(crate) fn gap_to_segment(&self, segment: &Segment) -> Gap {
-        if let Some(inside) = self.clip(segment) {
+        let along = segment.b - segment.a;
+        let length2 = along.dot(along);
+        let inverse = if length2 > 0.0 { 1.0 / length2 } else { 0.0 };
+        let nearest_to = |point: Point| segment.a + along * ((point - segment.a).dot(along) * inverse).clamp(0.0, 1.0);
+        let from_centre = nearest_to(self.centre) - self.centre;
+        // Only what comes within the outline's circle can cross it.
+        if from_centre.dot(from_centre) <= self.radius_m * self.radius_m
+            && let Some(inside) = self.clip(segment)
+        {
             return (0.0, inside, inside);
         }
         let mut best = (f64::INFINITY, Point::ZERO, Point::ZERO);
         for corner in self.corners() {
-            let on = segment.nearest_to(*corner);
-            keep_nearer(&mut best, *corner, on);
+            keep_nearer(&mut best, *corner, nearest_to(*corner));
         }
         for end in [segment.a, segment.b] {
+            // Most ends are farther from the whole circle than a corner is from the segment.
+            let least_m = (end - self.centre).norm() - self.radius_m;
+            if least_m > 0.0 && least_m * least_m >= best.0 {
+                continue;
+            }
             for side in self.sides() {
                 keep_nearer(&mut best, side.nearest_to(end), end);
             }

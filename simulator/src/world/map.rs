@@ -183,6 +183,9 @@ impl Map {
         let mut wanted = within_m;
         let reach = body.radius_m + within_m;
         let centre = body.centre;
+        // A long wall is listed in many cells; the walls of the last few need no second look.
+        let mut looked_at = [usize::MAX; 4];
+        let mut turn = 0;
         for row in grid.row(centre.y_m - reach)..=grid.row(centre.y_m + reach) {
             for column in grid.column(centre.x_m - reach)..=grid.column(centre.x_m + reach) {
                 let to = grid.centre(column, row) - centre;
@@ -193,6 +196,11 @@ impl Map {
                 for entry in grid.cell(column, row) {
                     let gap = match entry {
                         Entry::Segment(k) => {
+                            if looked_at.contains(&k) {
+                                continue;
+                            }
+                            looked_at[turn] = k;
+                            turn = (turn + 1) % looked_at.len();
                             let segment = &self.segments[k];
                             let apart = segment.nearest_to(centre) - centre;
                             let far = body.radius_m + wanted;
@@ -201,7 +209,15 @@ impl Map {
                             }
                             body.gap_to_segment(segment)
                         }
-                        Entry::Circle(k) => body.gap_to_circle(&self.circles[k]),
+                        Entry::Circle(k) => {
+                            let circle = &self.circles[k];
+                            let apart = circle.centre - centre;
+                            let far = body.radius_m + wanted + circle.radius_m;
+                            if apart.dot(apart) > far * far {
+                                continue;
+                            }
+                            body.gap_to_circle(circle)
+                        }
                     };
                     if gap.0 <= wanted && best.is_none_or(|best| gap.0 < best.distance_m) {
                         wanted = gap.0;
