@@ -16,6 +16,8 @@ pub enum Exit {
     },
     /// It never ran: the operating system's error number.
     NotStarted(i32),
+    /// It is gone, but somebody else in this process has taken its exit status.
+    Unknown,
 }
 
 impl Exit {
@@ -38,6 +40,7 @@ impl fmt::Display for Exit {
                 let core = if core { ", core dumped" } else { "" };
                 write!(f, "killed by {}{core}", signal_name(signal))
             }
+            Exit::Unknown => f.write_str("ended; its exit status was taken by somebody else"),
             Exit::NotStarted(error) => {
                 write!(f, "could not be started: {}", std::io::Error::from_raw_os_error(error))
             }

@@ -35,6 +35,7 @@ mod processes;
 mod rule;
 mod run;
 mod signals;
+mod slot;
 mod state;
 mod status;
 mod wall;

@@ -96,11 +96,10 @@ impl Policy {
 
     /// State of the robot.
     pub fn robot(&self) -> RobotState {
-        let lost = |unit: &Unit| matches!(unit.state, NodeState::GivenUp | NodeState::Ended { success: false });
         match self.phase {
             Phase::Stopping | Phase::Killing => RobotState::Stopping,
             Phase::Done => RobotState::Stopped,
-            _ if self.units.iter().any(lost) => RobotState::Degraded,
+            _ if self.units.iter().any(|unit| unit.state.is_lost()) => RobotState::Degraded,
             _ if self.waiting_group().is_some() => RobotState::Starting,
             _ => RobotState::Running,
         }

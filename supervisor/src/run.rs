@@ -2,7 +2,7 @@
 
 use std::collections::VecDeque;
 use std::ffi::OsString;
-use std::fs::{self, File};
+use std::fs;
 use std::io;
 use std::path::Path;
 
@@ -10,15 +10,16 @@ use runtime::clock::{self, wall_seconds};
 
 use crate::claim::{Claim, ClaimError};
 use crate::control::Control;
-use crate::host::{Host, Slot};
+use crate::host::Host;
 use crate::incidents::{Journal, Record};
 use crate::leftovers;
 use crate::logs::NodeLog;
 use crate::observer::{Observer, Outcome, Report, StopCause};
 use crate::plan::{Plan, Program};
 use crate::policy::Policy;
-use crate::processes::{Command, READY_FD};
+use crate::processes::{Command, Launcher, READY_FD};
 use crate::signals::Signals;
+use crate::slot::Slot;
 use crate::wall::utc;
 
 /// Why a robot was not run.
@@ -71,7 +72,7 @@ pub fn run_prepared(
     if let Some(flaw) = plan.flaw() {
         return Err(SuperviseError::Plan(flaw));
     }
-    let null = File::options().read(true).write(true).open("/dev/null").map_err(system("open /dev/null"))?;
+    let launcher = Launcher::new().map_err(system("open /dev/null"))?;
     // Before the claim, so that no signal finds a claimed folder and nobody to clear it.
     let signals = Signals::catch().map_err(system("catch signals"))?;
     let claim = Claim::take(&plan.root, &plan.robot)?;
@@ -96,7 +97,7 @@ pub fn run_prepared(
         control,
         signals,
         stop: plan.stop.clone(),
-        null,
+        launcher,
         log_folder: log_folder.map(|folder| folder.display().to_string()),
         journal,
         incidents: VecDeque::new(),
@@ -106,6 +107,7 @@ pub fn run_prepared(
         interrupts: 0,
         told: None,
         done: false,
+        run_folder: claim.run_folder(),
         claim,
     };
     if let Some(found) = found {

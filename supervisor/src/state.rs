@@ -34,6 +34,11 @@ impl NodeState {
         matches!(self, Starting { .. } | Running { .. } | Terminating { .. } | Killing { .. } | Unkillable)
     }
 
+    /// Whether the robot has to do without the node.
+    pub fn is_lost(self) -> bool {
+        matches!(self, NodeState::GivenUp | NodeState::Ended { success: false })
+    }
+
     /// The state in one word, as `status` prints it.
     pub fn word(self) -> &'static str {
         match self {

@@ -346,9 +346,11 @@ impl World {
                 self.event(Event::Ready { node: node % nodes });
             }
             Happening::Die(node, exit) => {
+                let (node, before) = (node % nodes, self.bench.policy.node(node % nodes));
+                let was_alive = std::mem::replace(&mut self.alive[node], false);
+                let actions = self.event(Event::Died { node, exit });
                 // Also the dead are reported dead now and then: it must do no harm.
-                self.alive[node % nodes] = false;
-                self.event(Event::Died { node: node % nodes, exit });
+                assert!(was_alive || actions.is_empty(), "{actions:?} for a node that was {before:?}");
             }
             Happening::Stop => {
                 self.stopping = true;

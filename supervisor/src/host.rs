@@ -1,0 +1,237 @@
+//! The policy's hands on a live robot: processes, descriptors, people.
+//!
+//! One thread, one wait on all descriptors. Deaths are looked at before anything else; nothing waits for anybody but
+//! the kernel.
+
+use std::collections::VecDeque;
+use std::os::fd::BorrowedFd;
+use std::path::PathBuf;
+use std::time::Duration;
+
+use runtime::Time;
+use runtime::clock::{self, wall_seconds};
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
+
+use crate::claim::Claim;
+use crate::control::{Control, StopHandle};
+use crate::event::{Action, Event, Incident, IncidentKind};
+use crate::incidents::{Journal, Record};
+use crate::observer::{Observer, Outcome, Report, StopCause};
+use crate::policy::Policy;
+use crate::processes::{Launcher, Process};
+use crate::signals::Signals;
+use crate::slot::Slot;
+use crate::state::RobotState;
+use crate::status::Status;
+use crate::wall::utc;
+
+/// Incidents kept in memory.
+const KEPT_INCIDENTS: usize = 1024;
+
+/// Everything that a run holds.
+pub(crate) struct Host<'a> {
+    pub claim: Claim,
+    pub run_folder: PathBuf,
+    pub log_folder: Option<String>,
+    pub slots: Vec<Slot>,
+    pub policy: Policy,
+    pub control: Control,
+    pub signals: Signals,
+    pub stop: Option<StopHandle>,
+    pub launcher: Launcher,
+    pub journal: Journal,
+    pub incidents: VecDeque<Record>,
+    pub observer: &'a mut dyn Observer,
+    pub begun: Time,
+    pub stopped_by: StopCause,
+    /// Requests that a second one of the same kind turns into an immediate end.
+    pub interrupts: u32,
+    pub told: Option<RobotState>,
+    pub done: bool,
+}
+
+/// Whose descriptor has something to say.
+#[derive(Debug, Clone, Copy)]
+enum Source {
+    Death(usize),
+    Ready(usize),
+    Signal,
+    Stop,
+    Control,
+}
+
+impl Host<'_> {
+    /// Runs the robot until no process is left.
+    pub fn run(&mut self) {
+        // What came while the claim was being taken: then nothing is started at all.
+        self.take_signals();
+        self.take(Event::Begin);
+        while !self.done {
+            for source in self.wait() {
+                match source {
+                    Source::Death(node) => self.look_for_death(node),
+                    Source::Ready(node) => self.look_for_ready(node),
+                    Source::Signal => self.take_signals(),
+                    Source::Stop => self.take_stops(),
+                    Source::Control => self.serve(),
+                }
+            }
+            self.take(Event::Timer);
+        }
+    }
+
+    /// How the run ended.
+    pub fn outcome(&self) -> Outcome {
+        let lost = self.slots.iter().enumerate().filter(|(node, _)| self.policy.node(*node).is_lost());
+        Outcome {
+            stopped_by: self.stopped_by,
+            ran_s: clock::now().since(self.begun),
+            lost: lost.map(|(_, slot)| slot.instance.clone()).collect(),
+            restarts: self.slots.iter().map(Slot::restarts).sum(),
+            incidents: self.incidents.iter().cloned().collect(),
+        }
+    }
+
+    /// Waits for the next event; those that have come, deaths first.
+    fn wait(&self) -> Vec<Source> {
+        let mut watched: Vec<(Source, BorrowedFd<'_>)> = Vec::new();
+        let living = || self.slots.iter().enumerate().filter_map(|(node, slot)| Some((node, slot.process.as_ref()?)));
+        watched.extend(living().map(|(node, process)| (Source::Death(node), process.death())));
+        watched.extend(living().filter_map(|(node, process)| Some((Source::Ready(node), process.ready()?))));
+        watched.push((Source::Signal, self.signals.arrival()));
+        watched.extend(self.stop.iter().map(|stop| (Source::Stop, stop.requested())));
+        watched.extend(self.control.watched().map(|descriptor| (Source::Control, descriptor)));
+
+        let mut polled: Vec<PollFd<'_>> =
+            watched.iter().map(|(_, descriptor)| PollFd::from_borrowed_fd(*descriptor, PollFlags::IN)).collect();
+        let timeout = self.policy.next_timer().map(|at| Duration::from_nanos(at.nanos_since(clock::now())));
+        let timeout = timeout.and_then(|timeout| Timespec::try_from(timeout).ok());
+        // A wait that fails (no kernel memory) looks at everything instead: every look is free to find nothing.
+        let failed = poll(&mut polled, timeout.as_ref()).is_err_and(|error| error != rustix::io::Errno::INTR);
+        let spoke = polled.iter().zip(&watched).filter(|(fd, _)| failed || !fd.revents().is_empty());
+        spoke.map(|(_, (source, _))| *source).collect()
+    }
+
+    /// Gives the policy an event and does what it says.
+    fn take(&mut self, event: Event) {
+        let mut events = VecDeque::from([event]);
+        while let Some(event) = events.pop_front() {
+            let (mut actions, mut started) = (Vec::new(), Vec::new());
+            self.policy.handle(clock::now(), event, &mut actions);
+            for action in actions {
+                match action {
+                    Action::Start { node } => match self.slots[node].start(&self.launcher, &self.run_folder) {
+                        Ok(()) => started.push(node),
+                        Err(exit) => events.push_back(Event::Died { node, exit }),
+                    },
+                    Action::Terminate { node } => self.with_process(node, Process::terminate),
+                    Action::Kill { node } => self.with_process(node, Process::kill),
+                    Action::Notify(incident) => self.record(incident),
+                    Action::Done => self.done = true,
+                }
+            }
+            for node in started {
+                let slot = &self.slots[node];
+                let (instance, pid, restarts) = (&*slot.instance, slot.pid.unwrap_or(0), slot.restarts());
+                self.observer.report(Report::Started { instance, pid, restarts });
+            }
+        }
+        let state = self.policy.robot();
+        if self.told.replace(state) != Some(state) {
+            self.observer.report(Report::Robot(state));
+        }
+    }
+
+    fn with_process(&self, node: usize, act: impl Fn(&Process)) {
+        self.slots[node].process.iter().for_each(act);
+    }
+
+    fn look_for_death(&mut self, node: usize) {
+        if let Some(exit) = self.slots[node].look_for_death() {
+            self.take(Event::Died { node, exit });
+        }
+    }
+
+    fn look_for_ready(&mut self, node: usize) {
+        let slot = &mut self.slots[node];
+        if slot.process.as_mut().is_some_and(Process::take_ready) {
+            self.observer.report(Report::Ready { instance: &slot.instance });
+            self.take(Event::Ready { node });
+        }
+    }
+
+    fn take_signals(&mut self) {
+        for signal in self.signals.take() {
+            if signal == libc::SIGTSTP {
+                self.observer.report(Report::Note("not suspended: a robot must not drive unattended; Ctrl-C ends it"));
+                continue;
+            }
+            // Only Ctrl-C counts: a system that ends a session may well send SIGHUP and SIGTERM together.
+            self.interrupts += u32::from(signal == libc::SIGINT);
+            let again = signal == libc::SIGINT && self.interrupts > 1;
+            self.end(StopCause::Signal(signal), again);
+        }
+    }
+
+    fn take_stops(&mut self) {
+        let asked = self.stop.as_ref().map_or(0, StopHandle::take);
+        let again = asked > 1 || self.policy.robot() == RobotState::Stopping && self.stopped_by == StopCause::Program;
+        if asked > 0 {
+            self.end(StopCause::Program, again);
+        }
+    }
+
+    fn serve(&mut self) {
+        let status = serde_json::to_string(&self.status()).unwrap_or_default();
+        if self.control.serve(&status) {
+            self.end(StopCause::Down, false);
+        }
+    }
+
+    fn end(&mut self, cause: StopCause, at_once: bool) {
+        if self.stopped_by == StopCause::NothingLeft {
+            self.stopped_by = cause;
+        }
+        self.take(if at_once { Event::KillRequested } else { Event::StopRequested });
+    }
+
+    fn record(&mut self, incident: Incident) {
+        let slot = &mut self.slots[incident.node];
+        let died = matches!(incident.kind, IncidentKind::Died { .. });
+        let record = Record {
+            time: utc(wall_seconds()),
+            at_s: incident.at.seconds(),
+            robot: self.claim.owner().robot.clone(),
+            node: slot.instance.clone(),
+            pid: if died { slot.dead_pid } else { slot.pid },
+            last_lines: if died { std::mem::take(&mut slot.last_lines) } else { Vec::new() },
+            ..Record::default()
+        };
+        self.keep(record.with_kind(&incident.kind));
+    }
+
+    /// Tells and keeps a record.
+    pub fn keep(&mut self, record: Record) {
+        self.observer.report(Report::Incident(&record));
+        self.journal.write(&record);
+        if self.incidents.len() == KEPT_INCIDENTS {
+            self.incidents.pop_front();
+        }
+        self.incidents.push_back(record);
+    }
+
+    fn status(&self) -> Status {
+        let owner = self.claim.owner();
+        let nodes = self.slots.iter().enumerate().map(|(node, slot)| slot.status(self.policy.node(node)));
+        Status {
+            robot: owner.robot.clone(),
+            pid: owner.pid,
+            run: owner.run.clone(),
+            since: utc(owner.since_unix_s),
+            running_s: clock::now().since(self.begun),
+            state: self.policy.robot().word().to_owned(),
+            log_folder: self.log_folder.clone(),
+            nodes: nodes.collect(),
+        }
+    }
+}

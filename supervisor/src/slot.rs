@@ -1,0 +1,108 @@
+//! The place of one node: its process, and what is known of those before it.
+
+use std::fs;
+use std::path::Path;
+
+use runtime::{Time, clock};
+
+use crate::exit::Exit;
+use crate::logs::NodeLog;
+use crate::proc;
+use crate::processes::{Command, Launcher, Process};
+use crate::state::NodeState;
+use crate::status::NodeStatus;
+
+/// One node of a run.
+pub(crate) struct Slot {
+    pub instance: String,
+    pub process: Option<Process>,
+    /// Process of the newest start.
+    pub pid: Option<i32>,
+    /// Process of the newest death: by the time that it is told, its successor may run.
+    pub dead_pid: Option<i32>,
+    /// What that process wrote last.
+    pub last_lines: Vec<String>,
+    file_name: String,
+    command: Command,
+    reports_ready: bool,
+    /// `None`: what the node says goes to /dev/null.
+    log: Option<NodeLog>,
+    starts: u32,
+    started: Time,
+    last_exit: Option<Exit>,
+}
+
+impl Slot {
+    /// A node that has not been started.
+    pub fn new(
+        instance: String,
+        file_name: String,
+        command: Command,
+        reports_ready: bool,
+        log: Option<NodeLog>,
+    ) -> Slot {
+        Slot {
+            instance,
+            process: None,
+            pid: None,
+            dead_pid: None,
+            last_lines: Vec::new(),
+            file_name,
+            command,
+            reports_ready,
+            log,
+            starts: 0,
+            started: Time::ZERO,
+            last_exit: None,
+        }
+    }
+
+    /// Processes that came before the present one.
+    pub fn restarts(&self) -> u32 {
+        self.starts.saturating_sub(1)
+    }
+
+    /// Starts a process and writes its number into `run_folder`; why there is none, if that fails.
+    pub fn start(&mut self, launcher: &Launcher, run_folder: &Path) -> Result<(), Exit> {
+        self.starts += 1;
+        self.started = clock::now();
+        let log = self.log.as_mut().map(NodeLog::begin);
+        match launcher.start(&self.command, self.starts - 1, log, self.reports_ready) {
+            Ok(process) => {
+                let pid = process.pid();
+                (self.pid, self.process) = (Some(pid), Some(process));
+                // For the next supervisor, should this one be killed. A full disk is made up for by SINEW_RUN.
+                let line = format!("{pid} {}\n", proc::start_ticks(pid).unwrap_or(0));
+                let _ = fs::write(run_folder.join(format!("{}.pid", self.file_name)), line);
+                Ok(())
+            }
+            Err(error) => {
+                let exit = Exit::NotStarted(error.raw_os_error().unwrap_or(libc::EINVAL));
+                (self.pid, self.dead_pid, self.last_exit) = (None, None, Some(exit));
+                self.last_lines.clear();
+                Err(exit)
+            }
+        }
+    }
+
+    /// How the process ended, if it has.
+    pub fn look_for_death(&mut self) -> Option<Exit> {
+        let exit = self.process.as_mut().and_then(Process::reap)?;
+        self.process = None;
+        (self.dead_pid, self.last_exit) = (self.pid, Some(exit));
+        self.last_lines = self.log.as_ref().map_or_else(Vec::new, NodeLog::last_lines);
+        Some(exit)
+    }
+
+    /// What `status` tells of the node.
+    pub fn status(&self, state: NodeState) -> NodeStatus {
+        NodeStatus {
+            instance: self.instance.clone(),
+            state: state.word().to_owned(),
+            pid: self.process.as_ref().map(Process::pid),
+            lived_s: self.process.as_ref().map(|_| clock::now().since(self.started)),
+            restarts: self.restarts(),
+            last_exit: self.last_exit.map(|exit| exit.to_string()),
+        }
+    }
+}
