@@ -94,6 +94,18 @@ fn a_calling_node_learns_of_the_death_within_its_steps() {
 }
 
 #[test]
+fn a_stopped_process_is_not_taken_for_a_busy_node() {
+    let root = root();
+    let victim = Victim::start(root.path());
+    let pid = rustix::process::Pid::from_child(&victim.0);
+    rustix::process::kill_process(pid, rustix::process::Signal::STOP).unwrap();
+    let number = Number::default();
+    let request = runtime::calls::client::Request { timeout_s: 0.01, ..double(&number, 0) };
+    let error = client(root.path()).call(&request).unwrap_err();
+    assert!(matches!(&error, CallError::TimedOut { reason, .. } if reason.contains("process is stopped")), "{error}");
+}
+
+#[test]
 fn the_end_of_a_watched_process_is_told_once() {
     let root = root();
     let victim = Victim::start(root.path());

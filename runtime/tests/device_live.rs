@@ -10,6 +10,7 @@ use std::net::{TcpListener, TcpStream};
 use std::os::fd::OwnedFd;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Arc, Mutex};
 
 use calls_support::{Arrivals, root};
 use runtime::Device;
@@ -210,6 +211,27 @@ fn a_missing_port_a_forbidden_one_and_a_file_say_so() {
     client.until_closed(WhyClosed::PermissionDenied);
     let text = WhyClosed::PermissionDenied.explain(client.device.address());
     assert!(text.contains("permission denied") && text.contains("dialout"), "{text}");
+}
+
+#[test]
+fn people_hear_once_why_a_link_is_down_and_when_it_is_up() {
+    let root = root();
+    let (address, _) = pty_address(root.path());
+    let lines = Arc::new(Mutex::new(Vec::new()));
+    let heard = Arc::clone(&lines);
+    let client = Running::start_with(Device::detached(address.parse().unwrap()), root.path(), move |builder| {
+        builder.log(Arc::new(move |line| heard.lock().unwrap().push(line.to_owned())));
+    });
+    client.until_closed(WhyClosed::NoSuchPort);
+    let server = Running::server(&address, root.path());
+    client.until_open();
+    server.pump.stop();
+    client.arrivals.until(|| (lines.lock().unwrap().len() >= 3).then_some(()));
+    let lines = lines.lock().unwrap();
+    let ends = [": no such port: start the program that makes it, or correct the path", ": open", ": hung up: check"];
+    for (line, end) in lines.iter().zip(ends) {
+        assert!(line.starts_with(&format!("device {address}")) && line.contains(end), "{line}");
+    }
 }
 
 #[test]

@@ -1,16 +1,16 @@
 //! Calls that a node makes: a step starts one, later steps look how it stands.
 
 use std::marker::PhantomData;
-use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
+use std::sync::Arc;
 
 use messages::Message;
 use messages::bytemuck::{bytes_of, bytes_of_mut};
 
+use super::call_line::{CallEnd, CallHead, CallLine};
 use super::refusal::Reason;
 use super::stage::Shape;
 use super::target::Target;
 use crate::Time;
-use crate::pump::Waker;
 
 /// Number of a call, from 1, counted by its caller.
 pub type CallId = u64;
@@ -188,139 +188,5 @@ impl<Q: Message, A: Message> Caller<Q, A> {
         }
         drop(desk);
         self.line.wake_pump();
-    }
-}
-
-/// What the step and the pump share of one caller.
-#[derive(Debug)]
-pub(crate) struct CallLine {
-    pub target: Target,
-    pub request: Shape,
-    pub answer: Shape,
-    desk: Mutex<CallDesk>,
-    waker: OnceLock<Waker>,
-}
-
-/// What a call is beside its message.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) struct CallHead {
-    pub id: CallId,
-    pub priority: u8,
-    pub deadline: Time,
-}
-
-/// How a call ended.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum CallEnd {
-    Answered,
-    Refused(Reason),
-    Failed(Reason),
-    Cancelled,
-    Lost(Loss),
-    TimedOut,
-}
-
-#[derive(Debug)]
-struct CallDesk {
-    request: Option<CallHead>,
-    body: Box<[u8]>,
-    cancel: Option<CallId>,
-    news: CallNews,
-}
-
-#[derive(Debug)]
-struct CallNews {
-    id: CallId,
-    accepted: bool,
-    reported: bool,
-    progress_hash: u64,
-    progress: Vec<u8>,
-    end: Option<CallEnd>,
-    answer: Box<[u8]>,
-}
-
-impl CallNews {
-    fn begin(&mut self, id: CallId) {
-        self.id = id;
-        self.accepted = false;
-        self.reported = false;
-        self.end = None;
-    }
-}
-
-impl CallLine {
-    fn new(target: Target, request: Shape, answer: Shape) -> CallLine {
-        let news = CallNews {
-            id: 0,
-            accepted: false,
-            reported: false,
-            progress_hash: 0,
-            progress: Vec::new(),
-            end: None,
-            answer: vec![0; answer.bytes].into(),
-        };
-        let desk = CallDesk { request: None, body: vec![0; request.bytes].into(), cancel: None, news };
-        CallLine { target, request, answer, desk: Mutex::new(desk), waker: OnceLock::new() }
-    }
-
-    /// How the step wakes the pump. False when a pump has it already.
-    pub fn attach(&self, waker: Waker) -> bool {
-        self.waker.set(waker).is_ok()
-    }
-
-    fn wake_pump(&self) {
-        if let Some(waker) = self.waker.get() {
-            waker.wake();
-        }
-    }
-
-    /// Step: the desk, unless the pump is at it.
-    fn try_desk(&self) -> Option<MutexGuard<'_, CallDesk>> {
-        self.desk.try_lock().ok()
-    }
-
-    fn desk(&self) -> MutexGuard<'_, CallDesk> {
-        self.desk.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
-    /// Pump: the call that the step wants, with its body, once.
-    pub fn fetch(&self) -> Option<(CallHead, Vec<u8>)> {
-        let mut desk = self.desk();
-        let head = desk.request.take()?;
-        Some((head, desk.body.to_vec()))
-    }
-
-    /// Pump: the call that the step no longer wants, once.
-    pub fn fetch_cancel(&self) -> Option<CallId> {
-        self.desk().cancel.take()
-    }
-
-    /// Pump: the order has been accepted.
-    pub fn accepted(&self, id: CallId) {
-        let mut desk = self.desk();
-        if desk.news.id == id {
-            desk.news.accepted = true;
-        }
-    }
-
-    /// Pump: the newest progress.
-    pub fn progress(&self, id: CallId, hash: u64, body: &[u8]) {
-        let news = &mut self.desk().news;
-        if news.id == id {
-            news.progress.clear();
-            news.progress.extend_from_slice(body);
-            news.progress_hash = hash;
-            news.reported = true;
-        }
-    }
-
-    /// Pump: the call is over; `body` is the answer message when it was answered.
-    pub fn ended(&self, id: CallId, end: CallEnd, body: &[u8]) {
-        let news = &mut self.desk().news;
-        if news.id == id && news.end.is_none() {
-            let length = body.len().min(news.answer.len());
-            news.answer[..length].copy_from_slice(&body[..length]);
-            news.end = Some(end);
-        }
     }
 }

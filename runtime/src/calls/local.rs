@@ -3,7 +3,8 @@
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use super::caller::{CallEnd, CallHead, CallLine, Loss};
+use super::call_line::{CallEnd, CallHead, CallLine};
+use super::caller::Loss;
 use super::desk::{CallerNumber, Desk, Reply};
 use super::outgoing::end_of;
 use super::refusal::Refusal;

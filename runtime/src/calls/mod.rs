@@ -8,6 +8,7 @@
 //! The step's ends are [`CallPort`], [`OrderPort`] and [`Caller`]; people's end is [`client::Client`].
 
 mod call_error;
+mod call_line;
 mod caller;
 pub mod client;
 mod description;
@@ -25,7 +26,7 @@ pub mod target;
 pub mod wire;
 
 pub use call_error::CallError;
-pub(crate) use caller::CallLine;
+pub(crate) use call_line::CallLine;
 pub use caller::{CallId, CallState, Caller, Loss};
 pub use description::{Command, CommandName, Commands, Layout};
 pub use desk::CommandError;

@@ -6,7 +6,8 @@ use std::sync::Arc;
 
 use rustix::event::{PollFd, PollFlags};
 
-use super::caller::{CallEnd, CallHead, CallLine, Loss};
+use super::call_line::{CallEnd, CallHead, CallLine};
+use super::caller::Loss;
 use super::refusal::{Reason, Refusal, RefusalCode};
 use super::socket::{Received, Sent, Unreachable, connect_to, receive_buffer, receive_message, send_message};
 use super::target::socket_path;

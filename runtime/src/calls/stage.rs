@@ -317,3 +317,114 @@ fn rank(priority: u8, arrival: u64) -> u64 {
 fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use messages::Odometry;
+    use std::sync::atomic::AtomicUsize;
+
+    fn stage() -> Arc<Stage> {
+        // Any message does: the stage sees bytes.
+        let shape = Shape { bytes: 8, ..Shape::of::<Odometry>() };
+        Stage::new("test", CommandKind::Order, shape, Some(shape), shape)
+    }
+
+    fn particulars(priority: u8) -> Particulars {
+        let sender = Sender { name: Name::default(), pid: 0, uid: 0 };
+        Particulars { sender, priority, deadline: Time::ZERO }
+    }
+
+    #[test]
+    fn news_come_in_the_order_of_an_orders_life() {
+        let stage = stage();
+        let place = stage.admit(particulars(0), 1, &[1; 8]).unwrap();
+        assert_eq!(stage.take(), Some(place));
+        stage.accept(place);
+        assert!(stage.report(place, &[2; 8]));
+        assert!(stage.report(place, &[3; 8]));
+        stage.end(place, End::Answered, &[4; 8]);
+        let mut heard = Vec::new();
+        stage.collect(place, false, |news| {
+            heard.push(match news {
+                News::Accepted => 1,
+                News::Progress(body) => body[0],
+                News::Ended(end, body) => {
+                    assert_eq!(end, End::Answered);
+                    body[0]
+                }
+            });
+        });
+        assert_eq!(heard, [1, 3, 4]);
+        // The place is free, and remembers nothing.
+        assert_eq!(stage.admit(particulars(0), 2, &[5; 8]), Some(place));
+        assert_eq!(stage.cancellation(place), None);
+        stage.collect(place, false, |news| panic!("{news:?}"));
+    }
+
+    #[test]
+    fn a_place_that_the_step_has_cannot_be_withdrawn() {
+        let stage = stage();
+        let place = stage.admit(particulars(0), 1, &[]).unwrap();
+        stage.take();
+        assert!(!stage.withdraw(place));
+        let other = stage.admit(particulars(0), 2, &[]).unwrap();
+        assert!(stage.withdraw(other));
+        assert_eq!(stage.take(), None);
+    }
+
+    #[test]
+    fn pump_and_step_together_end_every_request_exactly_once() {
+        const REQUESTS: u64 = 20_000;
+        let stage = stage();
+        let over = AtomicBool::new(false);
+        let (taken, mut answered, mut withdrawn) = (AtomicUsize::new(0), 0, 0);
+        std::thread::scope(|scope| {
+            scope.spawn(|| {
+                while !over.load(Ordering::Acquire) {
+                    let Some(place) = stage.take() else {
+                        std::thread::yield_now();
+                        continue;
+                    };
+                    taken.fetch_add(1, Ordering::Relaxed);
+                    let body = lock(&stage.places[place].request).body.clone();
+                    stage.report(place, &body);
+                    stage.end(place, End::Answered, &body);
+                }
+            });
+            let mut waiting: Vec<(usize, u64)> = Vec::new();
+            let mut next = 0;
+            while next < REQUESTS || !waiting.is_empty() {
+                if next < REQUESTS
+                    && let Some(place) = stage.admit(particulars(next as u8), next, &next.to_le_bytes())
+                {
+                    assert!(waiting.iter().all(|(other, _)| *other != place));
+                    waiting.push((place, next));
+                    next += 1;
+                } else {
+                    std::thread::yield_now();
+                }
+                waiting.retain(|(place, request)| {
+                    if request % 7 == 0 && stage.withdraw(*place) {
+                        withdrawn += 1;
+                        return false;
+                    }
+                    let mut ended = false;
+                    stage.collect(*place, true, |news| match news {
+                        News::Accepted => panic!("nobody accepts"),
+                        News::Progress(body) => assert_eq!(body, request.to_le_bytes()),
+                        News::Ended(end, body) => {
+                            assert_eq!((end, body), (End::Answered, &request.to_le_bytes()[..]));
+                            ended = true;
+                        }
+                    });
+                    answered += usize::from(ended);
+                    !ended
+                });
+            }
+            over.store(true, Ordering::Release);
+        });
+        assert_eq!(taken.into_inner(), answered);
+        assert_eq!(answered + withdrawn, REQUESTS as usize);
+    }
+}

@@ -126,3 +126,33 @@ pub(crate) fn monotonic() -> Time {
     let now = clock_gettime(ClockId::Monotonic);
     Time::from_nanos(now.tv_sec as u64 * 1_000_000_000 + now.tv_nsec as u64)
 }
+
+#[cfg(test)]
+mod tests {
+    use crate::pump::PumpBuilder;
+    use std::sync::mpsc::channel;
+
+    #[test]
+    fn the_host_is_called_first_on_a_thread_that_bears_the_nodes_name() {
+        let root = tempfile::tempdir().unwrap();
+        let (told, tells) = channel();
+        let mut builder = PumpBuilder::new("/drivers/base");
+        builder.on_start(move || told.send(std::thread::current().name().map(str::to_owned)).unwrap());
+        let pump = builder.spawn(root.path()).unwrap();
+        assert_eq!(tells.recv().unwrap().as_deref(), Some("base.pump"));
+        assert!(!pump.has_ended());
+        pump.stop();
+        assert!(std::fs::read_dir(root.path().join("drivers/base")).unwrap().next().is_none());
+    }
+
+    #[test]
+    fn a_pump_that_has_panicked_is_known_to_have_ended() {
+        let root = tempfile::tempdir().unwrap();
+        let mut builder = PumpBuilder::new("/drivers/base");
+        builder.on_start(|| panic!("on purpose, by a test"));
+        let pump = builder.spawn(root.path()).unwrap();
+        while !pump.has_ended() {
+            std::thread::yield_now();
+        }
+    }
+}

@@ -57,7 +57,10 @@ impl Stream {
     fn tell(&self, link: DeviceLink) {
         if self.wire.link.get() != link {
             self.wire.link.set(link);
-            (self.log)(&self.wire.explain(link));
+            // The way there and an ordered end are no news to people.
+            if !matches!(link, DeviceLink::Opening | DeviceLink::Closed { why: WhyClosed::Stopped }) {
+                (self.log)(&self.wire.explain(link));
+            }
             (self.notify)();
         }
     }
@@ -137,5 +140,13 @@ impl Stream {
             true => Err(WhyClosed::HungUp),
             false => Ok(()),
         }
+    }
+}
+
+impl Drop for Stream {
+    fn drop(&mut self) {
+        // Also when the pump's thread dies of a defect: the step must not take a dead line for a silent one.
+        self.wire.link.set(DeviceLink::Closed { why: WhyClosed::Stopped });
+        self.release();
     }
 }
