@@ -547,6 +547,8 @@ fn a_fence_leaves_a_hanging_writer_writing_to_nobody(ground: &Ground) {
     assert!(hanging.lost());
     let published = hanging.publish(700, b"too late", &[]);
     assert!(published.lost);
+    (0..9).for_each(|_| assert!(hanging.publish(800, b"too late", &[]).lost));
+    check_all(&old, 3..=6);
     assert_eq!((old.head(), reader.head()), (6, 6));
     assert_eq!(publish(&mut writer), 7);
     assert_eq!(check(&reader, 7).generation, 2);
