@@ -11,6 +11,7 @@ mod scene;
 mod simulation;
 mod sonar;
 mod statistics;
+pub mod svg;
 pub mod world;
 
 pub use contact::{BROKEN_FOR_S, BROKEN_GAP_M};

@@ -1,0 +1,3 @@
+//! What the simulator's integration tests share.
+
+pub mod recording;
