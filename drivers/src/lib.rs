@@ -2,6 +2,9 @@
 //!
 //! One folder per device model; inside it `protocol` is pure (bytes in, values out) and apart from the node.
 
+// A unit at the end of a doc line, `[m]`, looks like a link to rustdoc.
+#![allow(rustdoc::broken_intra_doc_links)]
+
 pub mod p2os;
 
 use runtime::NodeType;

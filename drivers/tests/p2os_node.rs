@@ -22,13 +22,14 @@ struct Rig {
     /// What motion wants; published every 50 ms.
     wanted: Option<Command>,
     steps: u64,
+    faults: u32,
 }
 
 impl Rig {
     fn new(config: &str, robot: Robot) -> Rig {
         let bench = Bench::<P2os>::builder(config).body(body()).max_age_s(0.3).build().unwrap();
         let server = bench.links().server(Bench::<P2os>::DEVICE, None);
-        Rig { bench, server, robot, now: Time::from_seconds(100.0), wanted: None, steps: 0 }
+        Rig { bench, server, robot, now: Time::from_seconds(100.0), wanted: None, steps: 0, faults: 0 }
     }
 
     fn step(&mut self) {
@@ -44,7 +45,7 @@ impl Rig {
             self.bench.feed("command", self.now, &command, &[]);
         }
         self.steps += 1;
-        self.bench.step(self.now).unwrap();
+        self.faults += u32::from(self.bench.step(self.now).is_err());
         self.hear();
     }
 
@@ -243,8 +244,20 @@ fn numbers_that_are_none_stop_the_robot() {
             rig.wanted = Some(command);
             rig.run(0.3);
             assert_eq!(rig.robot.motion(), (0, 0), "{command:?}");
+            assert!(rig.faults > 0);
         }
     }
+}
+
+#[test]
+fn a_command_from_the_future_would_never_become_stale_and_stops_the_robot() {
+    let mut rig = driving();
+    assert_eq!(rig.faults, 0);
+    rig.wanted = None;
+    rig.bench.feed("command", rig.now.after_s(3600.0), &go(0.3, 0.0).unwrap(), &[]);
+    rig.run(0.5);
+    assert_eq!(rig.robot.motion(), (0, 0));
+    assert!(rig.faults > 0);
 }
 
 #[test]

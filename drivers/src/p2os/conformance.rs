@@ -319,7 +319,8 @@ fn drives(client: &mut Client) -> Outcome {
         let mut y = Unwrap15::default();
         let before = client.sip_after(0.3)?;
         let start = before.x.zip(before.y).ok_or("no position")?;
-        (x.step(start.0), y.step(start.1));
+        x.step(start.0);
+        y.step(start.1);
         client.integer(command::VEL, speed_mm_s);
         let sips = client.sips(2.0);
         let last = sips.last().ok_or("no SIP while driving")?;

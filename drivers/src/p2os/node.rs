@@ -6,7 +6,7 @@
 //!
 //! | path or call | type | when |
 //! |---|---|---|
-//! | reads `command` | Command | sent on change, repeated; stale, expired or not finite counts as velocity zero |
+//! | reads `command` | Command | sent on change, repeated; stale or expired: velocity zero; not finite or from the future: a fault, too |
 //! | writes `sonar` | Ranges, a [`Beam`](messages::Beam) per fitted transducer | each SIP, and at least at 2.5 Hz, also without a link |
 //! | writes `odometry` | Odometry | each SIP |
 //! | writes `state` | BaseState | each SIP, and at least at 2.5 Hz, also without a link |
@@ -22,7 +22,7 @@
 //! `device` and `command`.
 
 use super::base::Base;
-use super::drive::quantize;
+use super::drive::{WireVelocity, quantize};
 use super::paths::Paths;
 use super::protocol::{Argument, MAX_PACKET, STOP_PACKETS, command, flag};
 use super::session::{Demand, Port, Session};
@@ -35,6 +35,10 @@ use runtime::{Body, CallPort, Device, Fault, Layer, Node, OpenError, Ports, Read
 const SONAR_REPEAT_S: f64 = 1.0;
 /// Unit of the piezo's durations [s].
 const SAY_UNIT_S: f64 = 0.02;
+
+/// A command may be stamped this much later than the step that reads it [s].
+const FUTURE_S: f64 = 0.1;
+const REFUSED: Fault = Fault::new("command is not a number or comes from the future: the robot stands");
 
 const NOT_CONNECTED: &str = "the robot is not connected: see `link` of the state";
 const BUSY: &str = "too many commands wait: try again";
@@ -51,7 +55,6 @@ pub struct P2os {
     body: Body,
     /// Commands from before the connection do not count.
     connected_at: Time,
-    refused_commands: u64,
     sonar_wanted: bool,
     sonar_said: Time,
     received: [u8; 512],
@@ -103,7 +106,6 @@ impl Node for P2os {
             body: *ports.body(),
             device,
             connected_at: Time::ZERO,
-            refused_commands: 0,
             sonar_wanted: settings.sonar_on,
             sonar_said: Time::ZERO,
             received: [0; 512],
@@ -117,12 +119,12 @@ impl Node for P2os {
             self.connected(now);
         }
         self.obey_operator(now);
-        self.obey_command(now);
+        let obeyed = self.obey_command(now);
         self.keep_sonar(now);
         self.send(now);
         let Base { sip, ring, model, .. } = &self.base;
         self.paths.refresh(now, sip.as_ref(), ring, model, &self.session);
-        Ok(())
+        obeyed
     }
 
     fn stop(&mut self, _now: Time) {
@@ -232,20 +234,17 @@ impl P2os {
         }
     }
 
-    fn obey_command(&mut self, now: Time) {
-        let drive = &mut self.base.drive;
+    fn obey_command(&mut self, now: Time) -> Result<(), Fault> {
+        let Base { drive, max_speed_m_s, max_turn_rad_s, .. } = &mut self.base;
         let sample = self.command.fresh(now).filter(|sample| sample.stamp >= self.connected_at);
-        match sample.map_or(Wish::Nothing, |sample| judge(now, sample.stamp, sample.message)) {
-            Wish::Nothing => drive.want(quantize(0.0, 0.0, 0.0, 0.0)),
-            Wish::Refused => {
-                self.refused_commands = self.refused_commands.saturating_add(1);
-                drive.want(quantize(0.0, 0.0, 0.0, 0.0));
-            }
-            Wish::Move { forward_m_s, turn_rad_s, enable } => {
-                drive.power.command(enable);
-                drive.want(quantize(forward_m_s, turn_rad_s, self.base.max_speed_m_s, self.base.max_turn_rad_s));
-            }
+        let wish = sample.map_or(Wish::Nothing, |sample| judge(now, sample.stamp, sample.message));
+        if let Wish::Move { forward_m_s, turn_rad_s, enable } = wish {
+            drive.power.command(enable);
+            drive.want(quantize(forward_m_s, turn_rad_s, *max_speed_m_s, *max_turn_rad_s));
+        } else {
+            drive.want(WireVelocity::default());
         }
+        if wish == Wish::Refused { Err(REFUSED) } else { Ok(()) }
     }
 
     /// Says SONAR again where the robot's flags do not show what is wanted.
@@ -285,7 +284,7 @@ impl P2os {
 enum Wish {
     /// It is too old: stand.
     Nothing,
-    /// It holds numbers that are none: stand.
+    /// It holds numbers that are none, or its stamp lies ahead, so that it would never become stale: stand.
     Refused,
     /// A velocity and whether the motors are wanted.
     Move { forward_m_s: f64, turn_rad_s: f64, enable: bool },
@@ -294,7 +293,8 @@ enum Wish {
 /// Reads one command. A body of this kind cannot move sideways; what asks for it is ignored.
 fn judge(now: Time, stamp: Time, command: &Command) -> Wish {
     let velocity = command.velocity;
-    if !velocity.linear_x_m_s.is_finite() || !velocity.angular_z_rad_s.is_finite() || command.valid_for_s.is_nan() {
+    let numbers = [velocity.linear_x_m_s, velocity.angular_z_rad_s, command.valid_for_s];
+    if numbers.iter().any(|number| !number.is_finite()) || stamp.since(now) > FUTURE_S {
         return Wish::Refused;
     }
     if now.since(stamp) > command.valid_for_s {

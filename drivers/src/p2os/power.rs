@@ -77,7 +77,7 @@ impl Power {
         }
     }
 
-    /// The operator switches the motors. "On" also ends a [`halt`](Drive::halt).
+    /// The operator switches the motors. "On" also ends a [`halt`](Power::halt).
     pub fn operator(&mut self, on: bool) {
         self.forbidden = !on;
         if on {
