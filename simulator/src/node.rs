@@ -8,6 +8,7 @@ use crate::realism::Realism;
 use crate::simulation::{BodySetup, Setup, Simulation};
 use crate::world::World as Map;
 use messages::{Contact, Truth};
+use runtime::device::{Address, DEFAULT_BAUD, DeviceLink};
 use runtime::{Device, Fault, Layer, Node, OpenError, Ports, Time, Writer};
 use schemars::JsonSchema;
 use serde::Deserialize;
@@ -71,12 +72,15 @@ const CHUNK: usize = 1024;
 pub struct World {
     simulation: Simulation,
     bodies: Vec<Served>,
-    begun: bool,
 }
 
 /// A body's device and what is published of it.
 struct Served {
     device: Device,
+    /// A TCP client that is gone takes its session along; a serial line does not tell the controller who listens.
+    over_tcp: bool,
+    generation: u64,
+    baud: Option<u32>,
     truth: Writer<Truth>,
     contacts: Vec<Contact>,
 }
@@ -98,8 +102,12 @@ impl Node for World {
         for (index, body) in bodies.iter().enumerate() {
             // Ports are named once per run: the few bytes live as long as the process.
             let port = if index == 0 { "truth" } else { String::leak(format!("truth_{}", body.name)) };
+            let device = ports.serve_device(&body.name, body.serve.as_deref())?;
             served.push(Served {
-                device: ports.serve_device(&body.name, body.serve.as_deref())?,
+                over_tcp: matches!(device.address(), Address::Tcp { .. }),
+                generation: 0,
+                baud: None,
+                device,
                 truth: ports.writer_with_tail(port, CONTACTS)?,
                 contacts: Vec::with_capacity(CONTACTS),
             });
@@ -112,16 +120,18 @@ impl Node for World {
             });
         }
         let simulation = Simulation::new(map, &setup).map_err(|e| OpenError::config(e.to_string()))?;
-        Ok(World { simulation, bodies: served, begun: false })
+        Ok(World { simulation, bodies: served })
+    }
+
+    fn start(&mut self, now: Time) -> Result<(), Fault> {
+        self.simulation.begin(now);
+        Ok(())
     }
 
     fn step(&mut self, now: Time) -> Result<(), Fault> {
-        if !self.begun {
-            self.simulation.begin(now);
-            self.begun = true;
-        }
         let mut bytes = [0; CHUNK];
         for (index, body) in self.bodies.iter_mut().enumerate() {
+            body.follow_link(&mut self.simulation, index);
             loop {
                 let count = body.device.receive(&mut bytes);
                 if count == 0 {
@@ -139,8 +149,15 @@ impl Node for World {
                 // Nobody at the other end: a controller talks on all the same.
                 let _ = body.device.send(&bytes[..count]);
             }
-            if self.simulation.controller(index).is_some_and(crate::mcu::Mcu::take_hung_up) {
-                body.device.reopen();
+            if let Some(controller) = self.simulation.controller(index) {
+                if controller.take_hung_up() && body.over_tcp {
+                    body.device.reopen();
+                }
+                let baud = controller.requested_baud();
+                if baud != body.baud {
+                    body.baud = baud;
+                    body.device.set_baud(baud.unwrap_or(DEFAULT_BAUD));
+                }
             }
             if moved {
                 let contacts = &mut body.contacts;
@@ -151,9 +168,23 @@ impl Node for World {
                     }
                 });
                 let truth = self.simulation.truth(index);
-                body.truth.write_with_tail(now, &truth, &body.contacts);
+                body.truth.write_with_tail(self.simulation.now(), &truth, &body.contacts);
             }
         }
         Ok(())
+    }
+}
+
+impl Served {
+    /// Begins a new session for every new TCP client.
+    fn follow_link(&mut self, simulation: &mut Simulation, index: usize) {
+        let DeviceLink::Open { generation } = self.device.link() else { return };
+        let known = std::mem::replace(&mut self.generation, generation);
+        if self.over_tcp
+            && known != generation
+            && let Some(controller) = simulation.controller(index)
+        {
+            controller.restart();
+        }
     }
 }

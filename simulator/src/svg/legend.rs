@@ -15,7 +15,6 @@ const BAR_PX: f64 = 130.0;
 
 /// Draws the legend below the map; `scale` is in pixels per metre.
 pub(super) fn draw(canvas: &mut Canvas, scale: f64, fastest_m_s: f64, picture: &Picture) {
-    const LINE_PX: f64 = 34.0;
     let length_m = BARS_M.into_iter().rev().find(|length| length * scale <= BAR_PX).unwrap_or(BARS_M[0]);
     let length = length_m * scale;
     canvas.polyline([(0.0, 24.0), (0.0, 30.0), (length, 30.0), (length, 24.0)].into_iter(), "bar", "");
@@ -39,7 +38,7 @@ pub(super) fn draw(canvas: &mut Canvas, scale: f64, fastest_m_s: f64, picture: &
         if picture.contacts.iter().any(|contact| of_this_kind(&contact)) {
             map::mark(canvas, (x, 26.0), cause);
             canvas.text((x + 12.0, 30.0), "", words);
-            x += LINE_PX + 85.0;
+            x += 130.0;
         }
     }
 }
