@@ -1,1 +1,25 @@
-//! sinew
+//! Sinew: a real-time control runtime for mobile robots.
+//!
+//! A user's robot is a crate of its own that depends on this one and hands its nodes to [`main`]:
+//!
+//! ```no_run
+//! fn main() -> std::process::ExitCode {
+//!     sinew::main(&[])
+//! }
+//! ```
+
+pub mod built_in;
+mod commands;
+pub mod exit;
+pub mod launch;
+pub mod live;
+pub mod load;
+pub mod output;
+mod picture;
+pub mod simulation;
+pub mod view;
+
+pub use commands::main;
+pub use messages;
+pub use runtime;
+pub use runtime::{Bench, Fault, Layer, Node, NodeType, OpenError, Ports, Reader, Sample, Set, Time, Writer};

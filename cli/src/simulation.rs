@@ -1,6 +1,6 @@
 //! Runs of a whole robot in the simulated host: one run per seed, spread over the cores, results in order of seeds.
 
-use messages::{Message, Truth, bytemuck};
+use messages::{Beam, FreeSectors, Message, Ranges, Truth, bytemuck};
 use runtime::channel::{Expect, RawReader, SampleBuffer};
 use runtime::robot::Robot;
 use runtime::{Layer, OpenError, SimulatedHost, Time, clock};
@@ -46,6 +46,21 @@ pub struct Run {
     pub contacts: [u64; 3],
     /// Pose every tenth of a second.
     pub track: Vec<TrackPoint>,
+    /// The moment of the greatest force, if an action offers forces.
+    pub moment: Option<Moment>,
+}
+
+/// What the robot saw and felt at one moment.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Moment {
+    /// Time since the start [s].
+    pub time_s: f64,
+    /// Where it was.
+    pub truth: Truth,
+    /// What its ranger said.
+    pub beams: Vec<Beam>,
+    /// The forces on it.
+    pub sectors: FreeSectors,
 }
 
 /// Faster than this is moving [m/s].
@@ -139,6 +154,9 @@ pub fn total(runs: &[Run], seconds: f64) -> RunResult {
 struct Watch {
     truth: Option<Tap>,
     command: Option<Tap>,
+    ranges: Option<Tap>,
+    sectors: Option<Tap>,
+    moment: Option<Moment>,
     hash: Fnv,
     last: Option<Truth>,
     least_clearance_m: f64,
@@ -175,10 +193,16 @@ impl Tap {
 impl Watch {
     fn new(host: &SimulatedHost) -> Watch {
         let of = |layer: Layer, port: &str| host.robot().nodes.iter().find(|n| n.kind.layer == layer).map(|n| n.port_path(port));
-        let expect = || Expect { type_name: Truth::NAME.into(), layout_hash: Truth::layout_hash() };
         Watch {
-            truth: of(Layer::Simulator, "truth").and_then(|path| Tap::open(host, &path, Some(expect()))),
+            truth: of(Layer::Simulator, "truth").and_then(|path| Tap::open(host, &path, Some(expected::<Truth>()))),
             command: of(Layer::Motion, "command").and_then(|path| Tap::open(host, &path, None)),
+            ranges: of(Layer::Drivers, "sonar").and_then(|path| Tap::open(host, &path, Some(expected::<Ranges>()))),
+            sectors: host
+                .tree()
+                .members("/actions/*/free_sectors")
+                .ok()
+                .and_then(|members| Tap::open(host, members.first()?, Some(expected::<FreeSectors>()))),
+            moment: None,
             hash: Fnv::default(),
             last: None,
             least_clearance_m: f64::INFINITY,
@@ -188,7 +212,7 @@ impl Watch {
     }
 
     fn collect(&mut self) {
-        let Watch { truth, command, hash, last, least_clearance_m, moving, track } = self;
+        let Watch { truth, command, hash, last, least_clearance_m, moving, track, .. } = self;
         if let Some(truth) = truth {
             truth.drain(|sequence, stamp, buffer| {
                 hash.add(&stamp.nanos().to_le_bytes());
@@ -213,6 +237,24 @@ impl Watch {
                 hash.add(buffer.fixed());
             });
         }
+        self.collect_moment();
+    }
+
+    /// Keeps the moment at which the greatest force so far was felt.
+    fn collect_moment(&mut self) {
+        let (Some(sectors), Some(ranges), Some(truth)) = (&mut self.sectors, &mut self.ranges, self.last) else { return };
+        let greatest = |sectors: &FreeSectors| sectors.force.iter().copied().fold(0.0, f64::max);
+        let mut newest: Option<(Time, FreeSectors)> = None;
+        sectors.drain(|_, stamp, buffer| newest = Some((stamp, *bytemuck::from_bytes(buffer.fixed()))));
+        let Some((stamp, felt)) = newest else { return };
+        if self.moment.as_ref().is_some_and(|moment| greatest(&moment.sectors) >= greatest(&felt)) {
+            return;
+        }
+        let head = ranges.ring.head();
+        if ranges.ring.read(head, &mut ranges.buffer).is_ok() {
+            let beams = bytemuck::cast_slice(ranges.buffer.tail()).to_vec();
+            self.moment = Some(Moment { time_s: stamp.seconds(), truth, beams, sectors: felt });
+        }
     }
 
     fn finish(self, seed: u64, seconds: f64, spent_s: f64) -> Run {
@@ -231,8 +273,13 @@ impl Watch {
             },
             contacts: last.contacts,
             track: self.track,
+            moment: self.moment,
         }
     }
+}
+
+fn expected<M: Message>() -> Expect {
+    Expect { type_name: M::NAME.into(), layout_hash: M::layout_hash() }
 }
 
 /// FNV-1a over 64 bits.

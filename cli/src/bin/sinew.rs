@@ -1,1 +1,5 @@
-fn main() {}
+//! The one binary: every built-in node type, and no other.
+
+fn main() -> std::process::ExitCode {
+    sinew::main(&[])
+}
