@@ -159,8 +159,12 @@ fn a_file_cut_off_under_its_readers_is_a_fault_and_the_next_writer_mends_it() {
         ground.vandal().set_len(bytes).unwrap();
 
         let mut faults = 0;
+        let mut buffer = SampleBuffer::new(reader.geometry());
         for sequence in 0..12 {
-            faults += u32::from(read(&reader, sequence) == Err(ReadError::Fault));
+            match reader.read(sequence, &mut buffer) {
+                Ok(_) => assert!(buffer.fixed() == [1; 20] && buffer.tail() == [7; 12_000], "{bytes}: rubbish"),
+                Err(error) => faults += u32::from(error == ReadError::Fault),
+            }
         }
         assert!(faults > 0, "{bytes}");
         assert!(reader.retired());
@@ -398,6 +402,18 @@ fn a_stopped_writer_that_was_fenced_off_finds_out_when_it_goes_on() {
 }
 
 #[test]
+fn what_a_fenced_writer_was_just_about_to_show_does_not_count() {
+    let ground = Ground::new();
+    let mut hanging = ground.writer();
+    (1..=3).for_each(|n| assert!(!hanging.publish(n, &[1; 20], &[]).lost));
+    let (old, old_file) = (ground.reader(), ground.vandal());
+    let _writer = ground.tree.writer(PATH, &geometry(), Claim::Fence).unwrap();
+    // It had looked whether its place was still its own, and then it hung.
+    old_file.write_all_at(&4u64.to_le_bytes(), 256).unwrap();
+    assert_eq!((old.head(), read(&old, 4)), (3, Err(ReadError::NotYet)));
+}
+
+#[test]
 fn a_bus_error_elsewhere_still_ends_the_process() {
     let ground = Ground::new();
     ground.tree.prepare(PATH, &geometry()).unwrap();
@@ -529,6 +545,10 @@ fn full_process() {
         }
         // The refused one has left nothing, neither has a refused growth.
         assert_eq!(tree.list().unwrap().len(), writers.len());
+        if let Ok(folder) = fs::read_dir(place.join("robot/camera")) {
+            let mut names = folder.map(|entry| entry.unwrap().file_name().into_string().unwrap());
+            assert!(!names.any(|name| name.ends_with(".new")), "the unfinished ring is still there");
+        }
         if let Some(writer) = writers.pop() {
             writer.die_publishing(Death::BeforeWake, 11, &[2; 20], &tail);
             let path = format!("/camera/image_{}", writers.len());
