@@ -36,7 +36,10 @@ impl Command {
     pub fn new(argv: &[OsString], changes: &[(OsString, OsString)]) -> io::Result<Command> {
         let program = argv.first().ok_or_else(|| io::Error::new(io::ErrorKind::InvalidInput, "no program named"))?;
         let path = find_program(program)?;
-        let kept = std::env::vars_os().filter(|(name, _)| !changes.iter().any(|(changed, _)| changed == name));
+        // A supervisor may itself be somebody's node: what it was told about itself is not for its own nodes.
+        let told_anew = |name: &OsStr| name == "SINEW_READY_FD" || name == "SINEW_RESTARTS";
+        let changed = |name: &OsStr| changes.iter().any(|(other, _)| other == name);
+        let kept = std::env::vars_os().filter(|(name, _)| !told_anew(name) && !changed(name));
         let environment = kept.chain(changes.iter().cloned()).map(|(name, value)| {
             let mut entry = name;
             entry.push("=");

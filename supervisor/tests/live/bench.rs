@@ -16,20 +16,24 @@ pub const READY: &str = "echo >&3; exec 3>&-; exec sleep 60";
 /// The same, but deaf to SIGTERM.
 pub const DEAF: &str = "trap '' TERM; echo >&3; exec 3>&-; for n in $(seq 600); do sleep 0.1; done";
 
-/// A private /dev/shm/sinew and log folder; the processes of its runs and its files go with it.
+/// A private /dev/shm/sinew, and a folder for logs and what scripts write; both go with it, processes included.
 pub struct Place {
     pub base: PathBuf,
+    shm: PathBuf,
 }
 
 impl Place {
     pub fn new() -> Place {
         static COUNT: AtomicU32 = AtomicU32::new(0);
-        let number = COUNT.fetch_add(1, Ordering::Relaxed);
-        Place { base: PathBuf::from(format!("/dev/shm/sinew-test-{}-{number}", std::process::id())) }
+        let name = format!("sinew-test-{}-{}", std::process::id(), COUNT.fetch_add(1, Ordering::Relaxed));
+        // The scripts' files lie elsewhere: another test may be filling /dev/shm on purpose.
+        let base = std::env::temp_dir().join(&name);
+        fs::create_dir_all(&base).unwrap();
+        Place { base, shm: Path::new("/dev/shm").join(name) }
     }
 
     pub fn shm(&self) -> PathBuf {
-        self.base.join("shm")
+        self.shm.clone()
     }
 
     pub fn root(&self) -> PathBuf {
@@ -41,7 +45,6 @@ impl Place {
     }
 
     pub fn plan(&self, programs: Vec<Program>) -> Plan {
-        fs::create_dir_all(&self.base).unwrap();
         let mut plan = Plan::new("robot", programs);
         plan.root = self.root();
         plan.log_folder = Some(self.logs());
@@ -79,6 +82,7 @@ impl Drop for Place {
             kill(pid, rustix::process::Signal::KILL);
         }
         let _ = fs::remove_dir_all(&self.base);
+        let _ = fs::remove_dir_all(&self.shm);
     }
 }
 
@@ -194,7 +198,6 @@ impl Remote {
     /// Nodes are given as name and script; all report ready and share `grace_s`.
     pub fn run(place: &Place, nodes: &[(&str, &str)], grace_s: f64) -> Remote {
         let nodes: Vec<String> = nodes.iter().map(|(name, script)| format!("{name}\u{1}{script}")).collect();
-        fs::create_dir_all(&place.base).unwrap();
         let mut process = Command::new(std::env::current_exe().unwrap())
             .args(["--exact", "supervises_as_a_process_of_its_own", "--nocapture"])
             .env("SUPERVISOR_TEST_NODES", nodes.join("\u{2}"))

@@ -108,9 +108,10 @@ fn what_a_node_forked_does_not_outlive_it() {
     let death = rustix::process::pidfd_open(death, rustix::process::PidfdFlags::empty()).unwrap();
     kill(node, Signal::KILL);
     run.until_ready("base");
-    // The child was killed before the successor was started; that it has vanished too is the kernel's affair.
+    // It was killed before the successor was started; left alone it would live three times as long as this waits.
     let mut watched = [rustix::event::PollFd::new(&death, rustix::event::PollFlags::IN)];
-    rustix::event::poll(&mut watched, None).unwrap();
+    let patience = rustix::event::Timespec { tv_sec: 20, tv_nsec: 0 };
+    assert_eq!(rustix::event::poll(&mut watched, Some(&patience)), Ok(1), "the child lives on");
     run.end().unwrap();
     place.assert_nothing_left();
 }
@@ -181,4 +182,34 @@ fn the_time_from_kill_to_respawn_is_printed() {
         let at = |share: f64| ms[(share * (KILLS - 1) as f64) as usize];
         println!("SIGKILL to {what}: p50 {:.2} ms, p90 {:.2} ms, max {:.2} ms, n {KILLS}", at(0.5), at(0.9), at(1.0));
     }
+}
+
+#[test]
+fn what_the_robots_folder_is_filled_with_is_there_before_the_first_node_and_gone_after_the_last() {
+    let place = Place::new();
+    let seen = place.base.join("seen");
+    let script = format!("cat $SINEW_ROOT/drivers/launch > {}", seen.display());
+    let mut plan = place.plan(vec![node("task", &script)]);
+    plan.programs[0].rule.restart = Restart::Never;
+    let fill = |root: &std::path::Path| {
+        fs::create_dir(root.join("drivers")).map_err(|error| error.to_string())?;
+        fs::write(root.join("drivers/launch"), "seed 7\n").map_err(|error| error.to_string())
+    };
+    let outcome = supervisor::run_prepared(plan, fill, &mut |_: supervisor::Report<'_>| {}).unwrap();
+    assert_eq!(outcome.lost, Vec::<String>::new());
+    assert_eq!(line_from(&seen), "seed 7\n");
+    place.assert_nothing_left();
+}
+
+#[test]
+fn a_folder_that_cannot_be_filled_starts_nothing_and_leaves_nothing() {
+    let place = Place::new();
+    let plan = place.plan(vec![node("base", READY)]);
+    let fill = |root: &std::path::Path| {
+        fs::write(root.join("half"), "").map_err(|error| error.to_string())?;
+        Err("no room for /drivers/base/sonar".to_owned())
+    };
+    let error = supervisor::run_prepared(plan, fill, &mut |_: supervisor::Report<'_>| {}).unwrap_err();
+    assert_eq!(error.to_string(), "no room for /drivers/base/sonar");
+    place.assert_nothing_left();
 }

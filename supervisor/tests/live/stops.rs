@@ -72,10 +72,15 @@ fn a_node_that_ignores_sigterm_is_killed_after_its_grace() {
 fn a_stopped_node_can_still_be_asked_to_end() {
     let place = Place::new();
     let mut base = node("base", READY);
-    base.rule.grace_s = 600.0;
+    base.rule.grace_s = 10.0;
     let run = Local::run(place.plan(vec![base]));
-    crate::bench::kill(run.until_ready("base"), Signal::STOP);
-    run.end().unwrap();
+    let pid = run.until_ready("base");
+    crate::bench::kill(pid, Signal::STOP);
+    while !fs::read_to_string(format!("/proc/{pid}/stat")).unwrap().contains(") T ") {
+        std::thread::yield_now();
+    }
+    let outcome = run.end().unwrap();
+    assert!(outcome.incidents.iter().all(|record| record.event != "killed"), "{:?}", outcome.incidents);
     place.assert_nothing_left();
 }
 
