@@ -1,9 +1,9 @@
 //! The firmware's motion control: two axes, translation and rotation, each with a goal and a trapezoidal ramp.
 //!
 //! A goal is a speed or a place. Towards a place the speed is the largest from which the deceleration still stops in
-//! time, v = √((d·h/2)² + 2·d·r) − d·h/2 with r the way that will be left when the speed counts, d the deceleration and h
-//! the step (which makes it exact for the sampled ramp). A speed goal is a place far ahead. Commands re-plan at once; a watchdog that
-//! ran out holds both axes at zero *without forgetting the goals*, as the manual has it.
+//! time, v = √((d·h/2)² + 2·d·r) − d·h/2 with r the way that will be left when the speed counts, d the deceleration and
+//! h the step (which makes it exact for the sampled ramp). A speed goal is a place far ahead. Commands re-plan at once;
+//! a watchdog that ran out holds both axes at zero *without forgetting the goals*, as the manual has it.
 
 /// What an axis is to do.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -10,7 +10,6 @@ use crate::contact::{Latch, Meeting};
 use crate::geometry::{Placed, Point, Pose};
 use crate::mcu::{Felt, Mcu};
 use crate::noise::Chance;
-use crate::realism::LineFaults;
 use crate::scene::{Scene, Thing};
 use crate::sonar::Ears;
 use crate::statistics::Statistics;
@@ -18,6 +17,7 @@ use crate::world::Nearest;
 use messages::{Contact, Twist};
 use runtime::Time;
 
+use super::line::Line;
 use super::{HALVINGS, STEP_S};
 
 /// Nothing comes nearer to an outline [m].
@@ -57,8 +57,7 @@ pub(super) struct Actor {
     pub silent: bool,
     ears: Ears,
     sonar_chance: Chance,
-    line: LineFaults,
-    line_chance: Chance,
+    line: Line,
     /// The nearest wall is at least, and at most, so far [m].
     wall_least_m: f64,
     wall_most_m: f64,
@@ -73,8 +72,7 @@ pub(super) struct Parts {
     pub body: Body,
     pub ears: Ears,
     pub sonar_chance: Chance,
-    pub line: LineFaults,
-    pub line_chance: Chance,
+    pub line: Line,
     pub things: usize,
 }
 
@@ -91,7 +89,6 @@ impl Actor {
             ears: parts.ears,
             sonar_chance: parts.sonar_chance,
             line: parts.line,
-            line_chance: parts.line_chance,
             wall_least_m: 0.0,
             wall_most_m: f64::INFINITY,
             latches: vec![Latch::default(); parts.things],
@@ -216,7 +213,7 @@ impl Actor {
         for chunk in bytes.chunks(CHUNK) {
             let mut passed = [0; CHUNK];
             passed[..chunk.len()].copy_from_slice(chunk);
-            let count = self.pass_line(&mut passed[..chunk.len()]);
+            let count = self.line.pass(&mut passed[..chunk.len()]);
             self.mcu.receive(now, &passed[..count]);
         }
     }
@@ -227,24 +224,7 @@ impl Actor {
         let count = bytes.len().min(buffer.len());
         buffer[..count].copy_from_slice(&bytes[..count]);
         self.mcu.sent(count);
-        if self.silent { 0 } else { self.pass_line(&mut buffer[..count]) }
-    }
-
-    /// Loses and corrupts bytes in place; answers how many are left.
-    fn pass_line(&mut self, bytes: &mut [u8]) -> usize {
-        if self.line == LineFaults::default() {
-            return bytes.len();
-        }
-        let mut kept = 0;
-        for at in 0..bytes.len() {
-            if self.line_chance.happens(self.line.lose_byte) {
-                continue;
-            }
-            bytes[kept] =
-                if self.line_chance.happens(self.line.corrupt_byte) { self.line_chance.byte() } else { bytes[at] };
-            kept += 1;
-        }
-        kept
+        if self.silent { 0 } else { self.line.pass(&mut buffer[..count]) }
     }
 
     /// Moves the body along `stride` as far as it is free; answers the share that was, and what ended it.

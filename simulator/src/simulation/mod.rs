@@ -5,6 +5,7 @@
 //! give the same bits, on every machine. Nothing in a step allocates.
 
 mod actor;
+mod line;
 mod setup;
 #[cfg(test)]
 mod tests;

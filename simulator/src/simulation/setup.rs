@@ -2,6 +2,7 @@
 
 use super::Simulation;
 use super::actor::{Actor, Parts};
+use super::line::Line;
 use crate::body::Body;
 use crate::geometry::{Circle, Footprint, Placed, Point, Pose};
 use crate::mcu::{Firmware, Flash, Mcu};
@@ -94,7 +95,7 @@ pub enum SetupError {
 
 /// Corners cut off the body's rectangle: its plan is an octagon [m].
 const CUT_CORNERS_M: f64 = 0.1;
-/// Half of the width between the wheels' outer sides; narrower than the vendor's table, which counts the bumpers' brackets [m].
+/// Half of the width over the wheels, as another simulator has it; the vendor's table is 12 mm wider [m].
 const HALF_WIDTH_M: f64 = 0.2;
 /// Encoder ticks per millimetre of wheel travel.
 const TICKS_PER_MM: u16 = 128;
@@ -187,8 +188,7 @@ impl Simulation {
             body: Body::new(outline, model.turn_rad_per_m, ticks_per_m, setup.realism.wheels, setup.seed, index),
             ears: Ears::new(&model.sonar, range_m, model.range_m_per_unit, setup.realism.sonar),
             sonar_chance: Chance::new(setup.seed, Purpose::Sonar, index),
-            line: setup.realism.line,
-            line_chance: Chance::new(setup.seed, Purpose::Line, index),
+            line: Line::new(setup.realism.line, setup.seed, index),
             things: 1 + self.world.persons.len() + setup.bodies.len(),
         }))
     }

@@ -113,6 +113,7 @@ pub fn render(picture: &Picture) -> String {
     map::draw(&mut canvas, &view, picture, (map_width, map_height));
     let fastest_m_s = track::draw(&mut canvas, &view, picture.track);
     map::draw_persons(&mut canvas, &view, picture);
+    track::draw_start(&mut canvas, &view, picture.track);
     if let Some(robot) = &picture.robot {
         map::draw_robot(&mut canvas, &view, robot);
     }

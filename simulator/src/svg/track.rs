@@ -40,10 +40,14 @@ pub(super) fn draw(canvas: &mut Canvas, view: &View, track: &[TrackPoint]) -> f6
     if let Some((last, before)) = current {
         flush(canvas, &mut line, before, view.at(last));
     }
+    top_m_s
+}
+
+/// Marks where the track begins.
+pub(super) fn draw_start(canvas: &mut Canvas, view: &View, track: &[TrackPoint]) {
     if let Some(first) = track.first() {
         canvas.circle(view.at(Point::new(first.x_m, first.y_m)), 5.0, "start");
     }
-    top_m_s
 }
 
 /// Draws what has gathered, on to `next`, and begins anew.

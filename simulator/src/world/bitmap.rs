@@ -1,8 +1,8 @@
 //! Occupancy maps in map_server's format: a YAML file that names an image (PGM or PNG), a resolution and an origin.
 //!
 //! Darkness p = (255 − v)/255, or v/255 with `negate`; a cell is an obstacle when p ≥ `occupied_thresh` (`raw` mode:
-//! when the value itself, 0…100, reaches 100 · `occupied_thresh`). Unknown and transparent cells are free. Row 0 of the
-//! image is the top, the largest y. Source: nav2's map_server.
+//! when the value itself, 0…100, reaches 100 · `occupied_thresh`). Unknown and transparent cells are free. Row 0 of
+//! the image is the top, the largest y. Source: nav2's map_server.
 //!
 //! The borders of the occupied cells become walls, neighbouring ones joined: exact, and indexed as all else.
 

@@ -33,9 +33,9 @@ pub(crate) struct Grid {
 impl Grid {
     pub fn new(low: Point, high: Point, segments: &[Segment], circles: &[Circle]) -> Grid {
         let (width, height) = ((high.x_m - low.x_m).max(CELL_M), (high.y_m - low.y_m).max(CELL_M));
-        let cell_m = CELL_M.max((width * height / MAX_CELLS).sqrt());
-        let columns = (width / cell_m).floor() as i32 + 1;
-        let rows = (height / cell_m).floor() as i32 + 1;
+        let cell_m = CELL_M.max((width * height / MAX_CELLS).sqrt()).max(width.max(height) / MAX_CELLS);
+        let columns = ((width / cell_m).floor() as i32).saturating_add(1);
+        let rows = ((height / cell_m).floor() as i32).saturating_add(1);
         let (starts, entries) = (Vec::new(), Vec::new());
         let mut grid = Grid { low, cell_m, inverse: 1.0 / cell_m, columns, rows, starts, entries };
         let mut lists: Vec<(u32, u32)> = Vec::new();
@@ -89,17 +89,19 @@ impl Grid {
         Point::new(self.low.x_m + at(column), self.low.y_m + at(row))
     }
 
+    /// Row by row, so that a long slanted wall costs its cells and not the box around it.
     fn each_cell_of_segment(&self, segment: &Segment, mut enter: impl FnMut(u32)) {
-        let Segment { a, b } = *segment;
-        let along = b - a;
-        let half = 0.5 * self.cell_m + MARGIN_M;
-        // Greatest distance of a touching cell's centre from the line, times the segment's length.
-        let reach = half * (along.x_m.abs() + along.y_m.abs());
-        for row in self.row(a.y_m.min(b.y_m) - MARGIN_M)..=self.row(a.y_m.max(b.y_m) + MARGIN_M) {
-            for column in self.column(a.x_m.min(b.x_m) - MARGIN_M)..=self.column(a.x_m.max(b.x_m) + MARGIN_M) {
-                if along.cross(self.centre(column, row) - a).abs() <= reach {
-                    enter((row * self.columns + column) as u32);
-                }
+        let Segment { a, b } =
+            if segment.a.y_m <= segment.b.y_m { *segment } else { Segment::new(segment.b, segment.a) };
+        for row in self.row(a.y_m - MARGIN_M)..=self.row(b.y_m + MARGIN_M) {
+            let low = self.low.y_m + f64::from(row) * self.cell_m - MARGIN_M;
+            let high = low + self.cell_m + 2.0 * MARGIN_M;
+            // Where the wall enters and leaves the row; a level wall stays in it from end to end.
+            let at = |y_m: f64| a.x_m + (b.x_m - a.x_m) * ((y_m - a.y_m) / (b.y_m - a.y_m)).clamp(0.0, 1.0);
+            let level = b.y_m - a.y_m <= MARGIN_M;
+            let (from, to) = if level { (a.x_m, b.x_m) } else { (at(low), at(high)) };
+            for column in self.column(from.min(to) - MARGIN_M)..=self.column(from.max(to) + MARGIN_M) {
+                enter((row * self.columns + column) as u32);
             }
         }
     }

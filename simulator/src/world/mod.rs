@@ -21,6 +21,9 @@ pub use person::{Course, Person, Walk};
 
 use crate::geometry::{Circle, Point, Pose, Segment};
 
+/// No world reaches farther from its origin [m].
+const FARTHEST_M: f64 = 10_000.0;
+
 /// Where a robot may start.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Start {
@@ -97,6 +100,10 @@ impl World {
         if sketch.name.is_empty() {
             sketch.name = file.rsplit('/').next().unwrap_or(file).to_owned();
         }
+        if sketch.reach_m() > FARTHEST_M {
+            let reason = format!("something lies farther than {} km from the origin", FARTHEST_M / 1000.0);
+            return Err(WorldError::of_file(file, reason, "lengths are in metres: check for millimetres or pixels"));
+        }
         Ok(sketch.finish())
     }
 
@@ -138,6 +145,13 @@ impl Sketch {
         let aside = along.left() * (0.5 * thickness_m / along.norm());
         let outline = vec![middle.a - aside, middle.b - aside, middle.b + aside, middle.a + aside];
         self.add_solid(Solid { outline }, rough);
+    }
+
+    /// How far from the origin anything lies, along x or y [m].
+    fn reach_m(&self) -> f64 {
+        let ends = self.walls.iter().flat_map(|wall| [(wall.segment.a, 0.0), (wall.segment.b, 0.0)]);
+        let discs = self.posts.iter().map(|post| (post.circle.centre, post.circle.radius_m));
+        ends.chain(discs).map(|(point, more)| point.x_m.abs().max(point.y_m.abs()) + more).fold(0.0, f64::max)
     }
 
     /// Builds the index once everything has been added.

@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::geometry::{Cone, Footprint};
+use proptest::prelude::*;
 
 fn load_from(files: &[(&str, &str)], name: &str) -> Result<World, WorldError> {
     World::load(name, &mut |wanted| {
@@ -101,6 +102,8 @@ fn faults_in_a_world_file_name_place_reason_and_remedy() {
         assert!(error.contains(said), "{text:?} gave {error:?}, not {said:?}");
         assert!(error.contains("; "), "{error:?} lacks a remedy");
     }
+    let far = toml("[[circle]]\ncentre_m = [12500.0, 2.0]\nradius_m = 300.0\n").unwrap_err().to_string();
+    assert!(far.contains("farther than 10 km") && far.contains("metres"), "{far}");
     let error = load_from(&[("a.stl", "")], "a.stl").unwrap_err().to_string();
     assert!(error.contains("describes no world"), "{error}");
 }
@@ -200,5 +203,43 @@ fn the_indexed_clearance_equals_the_least_of_all_gaps() {
         assert_eq!(map.nearest(&body, 20.0).unwrap().distance_m, all, "{pose:?}");
         let near = map.nearest(&body, 0.2).map(|found| found.distance_m);
         assert_eq!(near, (all <= 0.2).then_some(all), "{pose:?}");
+    }
+}
+
+proptest! {
+    #[test]
+    fn no_text_panics_the_readers_of_worlds(text in "\\PC{0,200}", kind in 0..4_usize) {
+        let name = ["w.toml", "w.yaml", "w.txt", "w.txt#3"][kind];
+        let _ = load_from(&[(name.split('#').next().unwrap(), &text)], name);
+    }
+
+    #[test]
+    fn no_words_of_a_world_file_panic_its_reader(
+        numbers in prop::collection::vec(prop_oneof![-20.0..20.0_f64, any::<f64>(), Just(0.0)], 12),
+        closed in any::<bool>(),
+    ) {
+        let n = |k: usize| format!("{:?}", numbers[k]).replace("NaN", "nan");
+        let text = format!(
+            "[[wall]]\npoints_m = [[{}, {}], [{}, {}], [{}, {}]]\nthickness_m = {}\nclosed = {closed}\n\
+             doors = [{{ at_m = {}, width_m = {} }}]\n[[circle]]\ncentre_m = [{}, {}]\nradius_m = {}\n",
+            n(0), n(1), n(2), n(3), n(4), n(5), n(6), n(7), n(8), n(9), n(10), n(11),
+        );
+        if let Ok(world) = toml(&text) {
+            let hit = world.map.cast(Point::ZERO, X, 100.0);
+            prop_assert!(hit.is_none_or(|distance| (0.0..=100.0).contains(&distance)));
+        }
+    }
+
+    #[test]
+    fn no_bytes_panic_the_reader_of_pictures(
+        bytes in prop::collection::vec(any::<u8>(), 0..200),
+        magic in prop::sample::select(vec!["P2 ", "P5 ", "P5 3 3 255\n", "P2\n9 1 9\n", "\u{89}PNG\r\n"]),
+    ) {
+        let mut picture = magic.as_bytes().to_vec();
+        picture.extend(bytes);
+        let _ = World::load("m.yaml", &mut |name| Ok(match name {
+            "m.yaml" => b"image: m.pgm\nresolution: 0.1\norigin: [0, 0, 0]\n".to_vec(),
+            _ => picture.clone(),
+        }));
     }
 }
