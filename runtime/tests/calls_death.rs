@@ -99,6 +99,8 @@ fn a_stopped_process_is_not_taken_for_a_busy_node() {
     let victim = Victim::start(root.path());
     let pid = rustix::process::Pid::from_child(&victim.0);
     rustix::process::kill_process(pid, rustix::process::Signal::STOP).unwrap();
+    // Each of its threads has stopped when the kernel tells the parent.
+    rustix::process::waitpid(Some(pid), rustix::process::WaitOptions::UNTRACED).unwrap();
     let number = Number::default();
     let request = runtime::calls::client::Request { timeout_s: 0.01, ..double(&number, 0) };
     let error = client(root.path()).call(&request).unwrap_err();

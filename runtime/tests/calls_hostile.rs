@@ -87,9 +87,11 @@ fn too_many_callers_are_told_so_and_served_when_others_have_gone() {
     let root = root();
     let _node = TestNode::start(root.path());
     let crowd: Vec<_> = (0..64).map(|_| client(root.path())).collect();
-    let mut late = client(root.path());
-    let error = late.describe().unwrap_err();
-    assert!(matches!(&error, CallError::Refused { reason, .. } if reason.contains("64 callers")), "{error}");
+    // Often, because the node's word and the caller's may cross on the way.
+    for _ in 0..100 {
+        let error = client(root.path()).describe().unwrap_err();
+        assert!(matches!(&error, CallError::Refused { reason, .. } if reason.contains("64 callers")), "{error}");
+    }
     drop(crowd);
     let served = (0..1000).any(|_| client(root.path()).describe().is_ok());
     assert!(served);

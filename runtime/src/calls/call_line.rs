@@ -144,3 +144,28 @@ impl CallLine {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::calls::Caller;
+    use messages::Odometry;
+
+    #[test]
+    fn news_of_an_older_call_do_not_touch_the_newer_one() {
+        let target: Target = "/drivers/base enable".parse().unwrap();
+        let mut caller: Caller<Odometry, Odometry> = Caller::detached(target);
+        let line = std::sync::Arc::clone(caller.line());
+        let old = caller.start(Time::ZERO, &Odometry::default(), 0, 1.0);
+        assert_eq!(line.fetch().unwrap().0.id, old);
+        // The step calls anew while the pump has the old call's last word in its hands.
+        let new = caller.start(Time::ZERO, &Odometry::default(), 0, 1.0);
+        line.accepted(old);
+        line.ended(old, CallEnd::Cancelled, &[]);
+        assert_eq!(caller.poll(Time::ZERO), crate::calls::CallState::Pending);
+        line.ended(new, CallEnd::Lost(Loss::Died), &[]);
+        // A call has one last word.
+        line.ended(new, CallEnd::Cancelled, &[]);
+        assert_eq!(caller.poll(Time::ZERO), crate::calls::CallState::Lost(Loss::Died));
+    }
+}

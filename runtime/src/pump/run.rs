@@ -11,7 +11,7 @@ use super::{Part, Waker};
 use crate::Time;
 
 /// How long a stopping pump goes on sending a device its last bytes and callers their last answers.
-const FAREWELL_S: f64 = 0.25;
+const FAREWELL_S: f64 = 1.0;
 
 /// A running pump. Dropping it stops it.
 #[derive(Debug)]
