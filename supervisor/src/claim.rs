@@ -50,7 +50,7 @@ pub enum ClaimError {
         path: PathBuf,
     },
     /// The system refused.
-    #[error("cannot claim {path}: {error}")]
+    #[error("cannot claim {path}: {error}; make room there for this user, or choose another folder with SINEW_SHM")]
     Io {
         /// The folder.
         path: PathBuf,

@@ -16,7 +16,7 @@ use crate::claim::Claim;
 use crate::control::{Control, StopHandle};
 use crate::event::{Action, Event, Incident, IncidentKind};
 use crate::incidents::{Journal, Record};
-use crate::observer::{Observer, Outcome, Report, StopCause};
+use crate::observer::{Guarded, Outcome, Report, StopCause};
 use crate::policy::Policy;
 use crate::processes::{Launcher, Process};
 use crate::signals::Signals;
@@ -41,7 +41,7 @@ pub(crate) struct Host<'a> {
     pub launcher: Launcher,
     pub journal: Journal,
     pub incidents: VecDeque<Record>,
-    pub observer: &'a mut dyn Observer,
+    pub observer: Guarded<'a>,
     pub begun: Time,
     pub stopped_by: StopCause,
     /// Requests that a second one of the same kind turns into an immediate end.
@@ -77,6 +77,9 @@ impl Host<'_> {
                 }
             }
             self.take(Event::Timer);
+            if self.observer.has_panicked() {
+                self.end(StopCause::Program, false);
+            }
         }
     }
 

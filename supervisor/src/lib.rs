@@ -14,7 +14,13 @@
 //! | `SINEW_RESTARTS` | how many processes of this node came before in this run |
 //! | SIGTERM | stop in order; after the grace comes SIGKILL, to the whole process group |
 //!
-//! A node is a session leader without a controlling terminal; signal mask and handlers are the default ones.
+//! A node is a session leader without a controlling terminal and with no other descriptor; signal mask and handlers are
+//! the default ones.
+//!
+//! What a run keeps: below `<root>/.run`, for others to find it, `supervisor.lock`, `supervisor.json` (the [`Owner`]),
+//! `<node>.pid` and the socket `control` (Unix seqpacket; one word per packet, `status` or `down`, one JSON object back;
+//! after `down` the connection ends when nothing of the run is left). In the log folder, and there to stay, `<node>.log`,
+//! `<node>.previous.log` and `incidents.jsonl` (a [`Record`] per line).
 
 mod backoff;
 mod claim;

@@ -1,10 +1,14 @@
 //! What a run tells while it lasts, and at its end.
 
+use std::any::Any;
+use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
+
 use crate::exit::signal_name;
 use crate::incidents::Record;
 use crate::state::RobotState;
 
-/// Is told what happens. Called by the supervising thread between a death and the next look: be quick, never block.
+/// Is told what happens. Called by the supervising thread between a death and the next look: be quick, never block. A
+/// panic ends the run in order, and goes on after it.
 pub trait Observer {
     /// Something has happened.
     fn report(&mut self, report: Report<'_>);
@@ -13,6 +17,37 @@ pub trait Observer {
 impl<F: FnMut(Report<'_>)> Observer for F {
     fn report(&mut self, report: Report<'_>) {
         self(report);
+    }
+}
+
+/// An observer that may panic (a terminal that is gone, a pipe that nobody reads) without taking the robot with it: it
+/// is told nothing more, and the panic goes on when the robot has stopped in order.
+pub(crate) struct Guarded<'a> {
+    observer: &'a mut dyn Observer,
+    panic: Option<Box<dyn Any + Send>>,
+}
+
+impl<'a> Guarded<'a> {
+    pub fn new(observer: &'a mut dyn Observer) -> Self {
+        Guarded { observer, panic: None }
+    }
+
+    pub fn report(&mut self, report: Report<'_>) {
+        if self.panic.is_none() {
+            // It is never used again after a panic, so nobody sees what that left half done.
+            self.panic = catch_unwind(AssertUnwindSafe(|| self.observer.report(report))).err();
+        }
+    }
+
+    pub fn has_panicked(&self) -> bool {
+        self.panic.is_some()
+    }
+
+    /// Lets the panic go on, if there was one.
+    pub fn resume(self) {
+        if let Some(panic) = self.panic {
+            resume_unwind(panic);
+        }
     }
 }
 

@@ -14,7 +14,7 @@ use crate::host::Host;
 use crate::incidents::{Journal, Record};
 use crate::leftovers;
 use crate::logs::NodeLog;
-use crate::observer::{Observer, Outcome, Report, StopCause};
+use crate::observer::{Guarded, Observer, Outcome, Report, StopCause};
 use crate::plan::{Plan, Program};
 use crate::policy::Policy;
 use crate::processes::{Command, Launcher, READY_FD};
@@ -85,10 +85,11 @@ pub fn run_prepared(
             return Err(error);
         }
     };
-    let (log_folder, journal) = open_journal(&plan, observer);
+    let mut observer = Guarded::new(observer);
+    let (log_folder, journal) = open_journal(&plan, &mut observer);
     let mut slots = Vec::new();
     for (program, command) in plan.programs.iter().zip(commands) {
-        let log = open_log(log_folder, program, observer);
+        let log = open_log(log_folder, program, &mut observer);
         slots.push(Slot::new(program.instance.clone(), program.file_name(), command, program.rule.reports_ready, log));
     }
     let mut host = Host {
@@ -148,7 +149,7 @@ fn environment(plan: &Plan, program: &Program, claim: &Claim) -> Vec<(OsString, 
 }
 
 /// The folder of the logs with the journal in it. A robot whose disk is full or read-only runs without, and says so.
-fn open_journal<'a>(plan: &'a Plan, observer: &mut dyn Observer) -> (Option<&'a Path>, Journal) {
+fn open_journal<'a>(plan: &'a Plan, observer: &mut Guarded<'_>) -> (Option<&'a Path>, Journal) {
     let Some(folder) = plan.log_folder.as_deref() else { return (None, Journal::none()) };
     match fs::create_dir_all(folder).and_then(|()| Journal::open(folder)) {
         Ok(journal) => (Some(folder), journal),
@@ -160,7 +161,7 @@ fn open_journal<'a>(plan: &'a Plan, observer: &mut dyn Observer) -> (Option<&'a 
     }
 }
 
-fn open_log(folder: Option<&Path>, program: &Program, observer: &mut dyn Observer) -> Option<NodeLog> {
+fn open_log(folder: Option<&Path>, program: &Program, observer: &mut Guarded<'_>) -> Option<NodeLog> {
     let error = match NodeLog::create(folder?, &program.file_name()) {
         Ok(log) => return Some(log),
         Err(error) => error,
@@ -177,10 +178,11 @@ fn finish(mut host: Host<'_>) -> Result<Outcome, SuperviseError> {
         host.keep(robot_record(&host.claim.owner().robot.clone(), message));
     }
     let outcome = host.outcome();
-    let Host { claim, control, .. } = host;
+    let Host { claim, control, observer, .. } = host;
     claim.release().map_err(system("remove the robot's folder"))?;
     // Last: the end of their connections tells those who said `down` that nothing is left.
     drop(control);
+    observer.resume();
     Ok(outcome)
 }
 

@@ -1,7 +1,7 @@
 use std::fs;
 
 use rustix::process::Signal;
-use supervisor::StopCause;
+use supervisor::{Report, StopCause};
 
 use crate::bench::{DEAF, Local, Place, READY, Remote, Told, node};
 
@@ -151,4 +151,19 @@ fn what_a_node_put_into_a_session_of_its_own_is_found_at_the_end() {
     let outcome = run.end().unwrap();
     place.assert_nothing_left();
     assert!(outcome.incidents.iter().any(|record| record.message.contains("left behind")));
+}
+
+#[test]
+fn an_observer_that_panics_ends_the_run_in_order() {
+    let place = Place::new();
+    let last_word = place.base.join("last");
+    let script =
+        format!("trap 'echo stop > {}; exit 0' TERM; echo >&3; exec 3>&-; sleep 60 & wait", last_word.display());
+    let plan = place.plan(vec![node("base", &script)]);
+    let mut observer = |report: Report<'_>| assert!(!matches!(report, Report::Ready { .. }), "nobody reads this");
+    let run = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| supervisor::run(plan, &mut observer)));
+    let panic = run.unwrap_err();
+    assert_eq!(panic.downcast_ref::<&str>(), Some(&"nobody reads this"));
+    assert_eq!(crate::bench::line_from(&last_word), "stop\n", "the driver had its last word");
+    place.assert_nothing_left();
 }
