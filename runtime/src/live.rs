@@ -160,6 +160,8 @@ fn spawn_pump(
             eprintln!("{grants}");
         }
     });
+    let said_by = spec.path();
+    pump.log(Arc::new(move |line| eprintln!("{said_by}: {line}")));
     let told: Granted = Arc::default();
     let (state, type_name, seed) = (told.clone(), spec.kind.name, options.seed);
     let path = spec.path();

@@ -83,7 +83,7 @@ impl Node for Witness {
         });
         seen.pose_covariance[0] = members;
         // Only every twentieth step reads what it has not read.
-        if self.count % 20 == 0 {
+        if self.count.is_multiple_of(20) {
             while self.slow.next_unread().is_some() {
                 seen.pose_covariance[1] += 1.0;
             }
