@@ -72,7 +72,13 @@ pub fn wrap_angle(angle: f64) -> f64 {
     }
     let turned = angle - TAU * ((angle + PI) / TAU).floor();
     // Rounding may leave exactly −π, which is the same direction as π.
-    if turned <= -PI { turned + TAU } else if turned > PI { turned - TAU } else { turned }
+    if turned <= -PI {
+        turned + TAU
+    } else if turned > PI {
+        turned - TAU
+    } else {
+        turned
+    }
 }
 
 /// One fixed NaN for all, so that equal results have equal bytes.
