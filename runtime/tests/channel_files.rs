@@ -588,8 +588,8 @@ fn in_a_file_system_of_its_own(role: &str) -> Option<String> {
     use std::os::unix::process::CommandExt;
     let folder = tempfile::tempdir().unwrap();
     let mut command = command(role, folder.path());
-    let uid = rustix::process::geteuid().as_raw();
-    let map = format!("0 {uid} 1");
+    let users = format!("0 {} 1", rustix::process::geteuid().as_raw());
+    let groups = format!("0 {} 1", rustix::process::getegid().as_raw());
     // SAFETY: between fork and exec only system calls run.
     unsafe {
         command.pre_exec(move || {
@@ -599,7 +599,9 @@ fn in_a_file_system_of_its_own(role: &str) -> Option<String> {
             if libc::unshare(libc::CLONE_NEWUSER | libc::CLONE_NEWNS) != 0 {
                 return Err(std::io::Error::last_os_error());
             }
-            fs::write("/proc/self/uid_map", &map)
+            fs::write("/proc/self/uid_map", &users)?;
+            fs::write("/proc/self/setgroups", "deny")?;
+            fs::write("/proc/self/gid_map", &groups)
         });
     }
     let mut child = match command.spawn() {

@@ -73,9 +73,9 @@ pub enum ChannelError {
     NoSpace {
         /// The channel.
         path: String,
-        /// Size of the ring [byte].
+        /// Size of the ring, in bytes.
         wanted_bytes: u64,
-        /// Free where the tree lives [byte].
+        /// Free where the tree lives, in bytes.
         free_bytes: u64,
     },
     /// The tree could be tampered with.

@@ -94,9 +94,9 @@ pub struct Geometry {
     pub layout_hash: u64,
     /// The schema's text, by which tools decode the bytes.
     pub schema: String,
-    /// Size of the message without its tail [byte].
+    /// Size of the message without its tail, in bytes.
     pub fixed_bytes: usize,
-    /// Size of one element of the tail; 0 when there is no tail [byte].
+    /// Size of one element of the tail, in bytes; 0 when there is no tail.
     pub tail_element_bytes: usize,
     /// Elements that fit into the tail.
     pub tail_capacity: usize,
@@ -159,7 +159,7 @@ pub(super) struct Shape {
     pub fixed_bytes: usize,
     pub fixed_words: usize,
     pub tail_element_bytes: usize,
-    /// Capacity of the tail [byte].
+    /// Capacity of the tail, in bytes.
     pub tail_bytes: usize,
 }
 
@@ -203,7 +203,7 @@ pub(super) fn write_header(words: &[AtomicU64], geometry: &Geometry, shape: &Sha
     put(at::MAGIC, MAGIC);
 }
 
-/// Length that the header gives itself [byte]; `words` are as much of the file as was read.
+/// Length that the header gives itself, in bytes; `words` are as much of the file as was read.
 pub(super) fn stated_header_bytes(words: &[AtomicU64]) -> u64 {
     words.get(at::HEADER_BYTES).map_or(0, |word| word.load(Ordering::Relaxed))
 }

@@ -2,7 +2,7 @@
 
 use super::error::ChannelError;
 
-/// The longest path [byte].
+/// The longest path, in bytes.
 const MOST_BYTES: usize = 512;
 /// Leaves room for what the lock's and the unfinished file's names add.
 const MOST_PART_BYTES: usize = 200;

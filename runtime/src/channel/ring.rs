@@ -25,11 +25,11 @@ use super::atomic::{AtomicU32, AtomicU64, Ordering, fence};
 
 /// Word of a slot that holds the mark.
 pub const MARK: usize = 0;
-/// Word of a slot that holds the stamp [ns].
+/// Word of a slot that holds the stamp, in nanoseconds.
 pub const STAMP: usize = 1;
 /// Word of a slot that holds the generation of its writer.
 pub const GENERATION: usize = 2;
-/// Word of a slot that holds the tail's length [byte].
+/// Word of a slot that holds the tail's length, in bytes.
 pub const TAIL_BYTES: usize = 3;
 /// First word of the data.
 pub const DATA: usize = 4;

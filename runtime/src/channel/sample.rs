@@ -7,11 +7,11 @@ use super::layout::{Geometry, Shape};
 pub struct RawSample {
     /// Its number in the channel, from 1.
     pub sequence: u64,
-    /// When it was taken, on the robot's clock [ns].
+    /// When it was taken, on the robot's clock, in nanoseconds.
     pub stamp_ns: u64,
     /// Which writer wrote it: 1 is the channel's first, each restart counts one up.
     pub generation: u64,
-    /// Length of its tail [byte].
+    /// Length of its tail, in bytes.
     pub tail_bytes: usize,
 }
 

@@ -24,7 +24,7 @@ use super::succession::{self, Start};
 use super::tree::Claim;
 use super::writer::RawWriter;
 
-/// The longest header that is looked at [byte]: schemas are text of a few kilobytes.
+/// The longest header that is looked at, in bytes: schemas are text of a few kilobytes.
 const MOST_HEADER_BYTES: u64 = 16 << 20;
 
 /// The root of the files.

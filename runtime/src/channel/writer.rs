@@ -150,7 +150,7 @@ impl Drop for RawWriter {
 pub struct TailWords<'a>(&'a [AtomicU64]);
 
 impl TailWords<'_> {
-    /// Number of words: the tail's length [byte], cut to the capacity, over 8, rounded up.
+    /// Number of words: the bytes of the tail, cut to the capacity, over 8, rounded up.
     pub fn len(&self) -> usize {
         self.0.len()
     }
