@@ -47,17 +47,17 @@ pub fn clear(claim: &Claim) -> std::io::Result<Option<Leftovers>> {
     let owner = owner(claim.root());
     let processes = owner.as_ref().map_or_else(Vec::new, |owner| processes(claim, owner));
     let (stopped, killed) = stop(processes);
-    let also = owner.as_ref().map_or(0, |owner| kill_run(&owner.run));
+    let also = owner.as_ref().map_or(0, kill_run);
     let files = claim.clear()?;
     let found = Leftovers { owner, stopped: stopped + also, killed: killed + also, files };
     Ok((found.stopped + found.files > 0).then_some(found))
 }
 
 /// Kills every process that carries the name of the run; tells how many there were.
-pub fn kill_run(run: &str) -> usize {
+pub fn kill_run(owner: &Owner) -> usize {
     let mut killed = 0;
     for _ in 0..SWEEPS {
-        let processes = proc::processes_of(run);
+        let processes = proc::processes_of(&owner.run, owner.start_ticks);
         if processes.is_empty() {
             break;
         }
@@ -71,7 +71,7 @@ pub fn kill_run(run: &str) -> usize {
 
 /// The living processes of an earlier run: those written down, and those that carry its name.
 fn processes(claim: &Claim, owner: &Owner) -> Vec<OwnedFd> {
-    let mut found = proc::processes_of(&owner.run);
+    let mut found = proc::processes_of(&owner.run, owner.start_ticks);
     let entries = fs::read_dir(claim.run_folder()).into_iter().flatten().flatten();
     for entry in entries.filter(|entry| entry.file_name().to_string_lossy().ends_with(".pid")) {
         let text = fs::read_to_string(entry.path()).unwrap_or_default();

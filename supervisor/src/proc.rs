@@ -6,11 +6,11 @@
 use std::fs;
 use std::os::fd::OwnedFd;
 
-use runtime::clock;
+use runtime::{Time, clock};
 use rustix::process::{Pid, PidfdFlags, pidfd_open};
 
-/// A program that has no environment is looked at again, so many times, before it is believed.
-const EXEC_LOOKS: usize = 5;
+/// Programs without an environment are looked at again for so long altogether, s, before that is believed.
+const EXEC_PATIENCE_S: f64 = 1.0;
 /// Time between two looks, s.
 const EXEC_LOOK_S: f64 = 0.002;
 
@@ -37,31 +37,34 @@ pub fn open(pid: i32, ticks: u64) -> Option<OwnedFd> {
     (start_ticks(pid) == Some(ticks)).then_some(descriptor)
 }
 
-/// All living processes of the run, with descriptors. Those of other users are seen by root alone.
-pub fn processes_of(run: &str) -> Vec<(i32, OwnedFd)> {
+/// All living processes of the run, with descriptors; they are younger than its supervisor, which started at
+/// `since_ticks`. Those of other users are seen by root alone.
+pub fn processes_of(run: &str, since_ticks: u64) -> Vec<(i32, OwnedFd)> {
+    let until = clock::now().after_s(EXEC_PATIENCE_S);
     let entries = fs::read_dir("/proc").into_iter().flatten().flatten();
     let own = std::process::id() as i32;
     let pids = entries.filter_map(|entry| entry.file_name().to_str()?.parse::<i32>().ok()).filter(|&pid| pid != own);
-    let found = pids.filter(|&pid| carries(pid, run)).filter_map(|pid| {
-        let descriptor = open(pid, start_ticks(pid)?)?;
-        // Looked at again with the descriptor in hand: the first look may have been at a predecessor.
-        carries(pid, run).then_some((pid, descriptor))
+    let found = pids.filter_map(|pid| {
+        // The descriptor first: what is learned afterwards is learned of the process that will be signalled.
+        let descriptor = open(pid, start_ticks(pid).filter(|&ticks| ticks >= since_ticks)?)?;
+        carries(pid, run, until).then_some((pid, descriptor))
     });
     found.collect()
 }
 
 /// Whether the process carries the name of the run in its environment.
-fn carries(pid: i32, run: &str) -> bool {
-    for _ in 0..EXEC_LOOKS {
+fn carries(pid: i32, run: &str, until: Time) -> bool {
+    loop {
         match fs::read(format!("/proc/{pid}/environ")) {
             Ok(environment) if !environment.is_empty() => return is_marked(&environment, run),
             // In the middle of exec the new program has no environment yet; kernel threads, which have no program
             // either, never get one.
-            Ok(_) if fs::read_link(format!("/proc/{pid}/exe")).is_ok() => clock::sleep_s(EXEC_LOOK_S),
+            Ok(_) if fs::read_link(format!("/proc/{pid}/exe")).is_ok() && clock::now() < until => {
+                clock::sleep_s(EXEC_LOOK_S);
+            }
             _ => return false,
         }
     }
-    false
 }
 
 fn is_marked(environment: &[u8], run: &str) -> bool {

@@ -172,7 +172,7 @@ fn open_log(folder: Option<&Path>, program: &Program, observer: &mut Guarded<'_>
 
 /// Leaves nothing behind: also not what nodes forked and put into sessions of their own.
 fn finish(mut host: Host<'_>) -> Result<Outcome, SuperviseError> {
-    let strays = leftovers::kill_run(&host.claim.owner().run);
+    let strays = leftovers::kill_run(host.claim.owner());
     if strays > 0 {
         let message = format!("killed {strays} processes that nodes had started and left behind");
         host.keep(robot_record(&host.claim.owner().robot.clone(), message));

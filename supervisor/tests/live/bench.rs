@@ -64,7 +64,7 @@ impl Place {
         let pids = entries.filter_map(|entry| entry.file_name().to_str()?.parse::<i32>().ok());
         let carries = |pid: i32| {
             // A process in the middle of exec shows no environment for a moment.
-            let looks = (0..5).map(|look| {
+            let looks = (0..20).map(|look| {
                 clock::sleep_s(f64::from(look) * 0.001);
                 fs::read(format!("/proc/{pid}/environ")).unwrap_or_default()
             });
