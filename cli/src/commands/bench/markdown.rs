@@ -1,0 +1,105 @@
+//! The reports as a document: `docs/benchmarks.md` is written by this file and by nothing else.
+
+use super::report::{Report, figure, row_cells, yes_or_no};
+use std::fmt::Write;
+
+/// The whole document. `command` is what made it.
+pub fn document(reports: &[Report], command: &str) -> String {
+    let mut text = format!(
+        "# Benchmarks\n\nWritten by\n\n```sh\n{command}\n```\n\nwhich measures for a few minutes and replaces this file; \
+         nothing in it was typed. Times are in µs and unfiltered: p50, p99 and p99.9 of HDR histograms with three \
+         significant digits (what nodes count of themselves: two), and the greatest that this one run happened to see, \
+         which bounds nothing. On a shared or virtual machine whole cores are taken away now and then: a stall witness on \
+         each core (a thread at the highest priority that sleeps 1 ms at a time) notes every gap over 3 ms. *Held up* is \
+         the number of samples that overlap such a gap; *calm p99.9* leaves them out, everything else does not. A row of \
+         which more than 2 % was held up is marked **invalid**.\n"
+    );
+    for report in reports {
+        section(&mut text, report);
+    }
+    text
+}
+
+fn section(text: &mut String, report: &Report) {
+    let _ = write!(text, "\n## sinew bench {}\n\n", report.bench);
+    for line in report.machine.lines() {
+        let (what, rest) = line.split_once(' ').unwrap_or((&line, ""));
+        let _ = writeln!(text, "- {what}: {}", rest.trim());
+    }
+    if !report.targets.is_empty() {
+        let rows = report.targets.iter().map(|target| {
+            let reached = yes_or_no(target.reached);
+            vec![target.aim.clone(), target.measured.clone(), reached.to_owned()]
+        });
+        table(text, &["target", "measured", "reached"], rows);
+    }
+    if !report.rows.is_empty() {
+        let rows = report.rows.iter().map(|row| {
+            let mut cells = row_cells(row).to_vec();
+            if row.extra.get("valid").is_some_and(|valid| valid == false) {
+                cells[0] += " **invalid**";
+            }
+            cells
+        });
+        let heading = ["row", "size", "p50", "p99", "p99.9", "max", "n", "held up", "calm p99.9"];
+        table(text, &heading, rows);
+    }
+    if !report.values.is_empty() {
+        let rows = report.values.iter().map(|value| vec![value.name.clone(), figure(value.value), value.unit.clone()]);
+        table(text, &["figure", "value", "unit"], rows);
+    }
+    for note in &report.notes {
+        let _ = write!(text, "\n{note}\n");
+    }
+}
+
+/// A table: first column to the left, the others to the right where they hold numbers.
+fn table(text: &mut String, heading: &[&str], rows: impl Iterator<Item = Vec<String>>) {
+    let _ = write!(text, "\n| {} |\n|---|", heading.join(" | "));
+    let sides = heading
+        .iter()
+        .skip(1)
+        .map(|name| if matches!(*name, "measured" | "reached" | "unit") { "---|" } else { "---:|" });
+    text.extend(sides);
+    text.push('\n');
+    for cells in rows {
+        let cells: Vec<String> = cells.iter().map(|cell| cell.replace('|', "\\|")).collect();
+        let _ = writeln!(text, "| {} |", cells.join(" | "));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::machine::Before;
+    use super::super::report::{Row, Target, Value};
+    use super::super::witness::Testimony;
+    use super::*;
+
+    #[test]
+    fn every_figure_of_a_report_is_in_the_document_with_its_conditions() {
+        let mut row = Row::new("sinew_free", 64, [3.25, 9.0, 80.0], 20_000);
+        row.note("valid", false);
+        let report = Report {
+            bench: "channel",
+            machine: Before::now().finish(vec!["free: SCHED_OTHER".into()], &Testimony::default()),
+            rows: vec![row],
+            values: vec![Value::new("lost", 3.0, "SIPs")],
+            targets: vec![Target { aim: "fast".into(), measured: "3.25 µs".into(), reached: true }],
+            notes: vec!["A note.".into()],
+        };
+        let text = document(&[report], "sinew bench all");
+        for wanted in [
+            "sinew bench all",
+            "## sinew bench channel",
+            "- kernel: ",
+            "- load: ",
+            "- scheduling: free: SCHED_OTHER",
+            "| sinew_free **invalid** | 64 B | 3.25 | 9 |  | 80 | 20000 |",
+            "| lost | 3 | SIPs |",
+            "| fast | 3.25 µs | yes |",
+            "A note.",
+        ] {
+            assert!(text.contains(wanted), "{wanted} is not in\n{text}");
+        }
+    }
+}

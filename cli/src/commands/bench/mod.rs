@@ -1,0 +1,103 @@
+//! `sinew bench`: figures of this machine, with the conditions under which they were taken.
+
+mod channel;
+mod idle;
+mod machine;
+mod markdown;
+mod placement;
+mod process;
+mod reflex;
+mod report;
+mod scratch;
+mod simulate;
+mod timing;
+mod witness;
+
+use crate::exit::{Failure, USAGE};
+use crate::output::{Out, parse_seconds};
+use report::Report;
+use runtime::NodeType;
+use std::path::PathBuf;
+
+/// Measures this machine: channels, idle nodes, the reflex path, the speed of simulation
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    #[command(subcommand)]
+    what: What,
+    /// Prints one JSON object per bench
+    #[arg(long, global = true)]
+    json: bool,
+    /// A tenth of the samples: to see whether it runs, not for figures
+    #[arg(long, global = true)]
+    quick: bool,
+    /// Folder or file of the robot; without it the built-in Pioneer
+    #[arg(long, global = true, value_name = "ROBOT")]
+    robot: Option<PathBuf>,
+    /// How long idle and reflex measure, as in 20s
+    #[arg(long = "for", global = true, value_name = "TIME")]
+    length: Option<String>,
+}
+
+#[derive(Debug, clap::Subcommand)]
+enum What {
+    /// Round trips between two processes, beside a bare futex pair, a pipe and iceoryx2 where it is built in
+    Channel,
+    /// CPU time and memory of node processes to which nothing comes
+    Idle,
+    /// From a packet of the robot to the motor command that answers it, through the whole live robot
+    Reflex,
+    /// The whole robot on virtual time, on one core
+    Simulate,
+    /// All of them, one after another
+    All {
+        /// Writes the figures to this document
+        #[arg(long, value_name = "FILE")]
+        markdown: Option<PathBuf>,
+    },
+    /// The answering process of `channel`
+    #[command(hide = true)]
+    Partner(channel::partner::Args),
+}
+
+/// Time that idle nodes are watched [s].
+const IDLE_S: f64 = 10.0;
+/// Time that the reflex is measured [s].
+const REFLEX_S: f64 = 20.0;
+/// What makes the document.
+const DOCUMENT_COMMAND: &str =
+    "cargo run --release -p sinew --features iceoryx2 -- bench all --markdown docs/benchmarks.md";
+
+/// Runs the bench and prints what it found.
+pub fn run(args: Args, types: &[NodeType]) -> Result<(), Failure> {
+    let length_s = args.length.as_deref().map(parse_seconds).transpose();
+    let length_s = length_s.map_err(|reason| Failure::new(USAGE, format!("--for: {reason}")))?;
+    let part = if args.quick { 0.1 } else { 1.0 };
+    let robot = args.robot.as_deref();
+    let channel = || channel::run(part);
+    let idle = || idle::run(robot, length_s.unwrap_or(IDLE_S * part), types);
+    let reflex = || reflex::run(robot, length_s.unwrap_or(REFLEX_S * part), types);
+    let simulate = || simulate::run(robot, part, types);
+    let benches: Vec<&dyn Fn() -> Result<Report, Failure>> = match &args.what {
+        What::Channel => vec![&channel],
+        What::Idle => vec![&idle],
+        What::Reflex => vec![&reflex],
+        What::Simulate => vec![&simulate],
+        What::All { .. } => vec![&channel, &idle, &reflex, &simulate],
+        What::Partner(partner) => return channel::partner::run(partner),
+    };
+    let mut out = Out::stdout();
+    let mut reports = Vec::new();
+    for (k, bench) in benches.iter().enumerate() {
+        if k > 0 && !args.json {
+            out.line("")?;
+        }
+        let report = bench()?;
+        report.print(&mut out, args.json)?;
+        reports.push(report);
+    }
+    if let What::All { markdown: Some(file) } = &args.what {
+        let text = markdown::document(&reports, DOCUMENT_COMMAND);
+        std::fs::write(file, text).map_err(|e| Failure::from(format!("cannot write {}: {e}", file.display())))?;
+    }
+    Ok(())
+}
