@@ -1,0 +1,231 @@
+//! Help texts: commands by purpose, and an example for each.
+
+use super::CommandLine;
+use clap::CommandFactory;
+use std::fmt::Write;
+
+/// Every command under what it is for. A test holds this list to the commands that there are.
+const GROUPS: [(&str, &[&str]); 4] = [
+    ("Run a robot", &["run", "drive", "down", "simulate"]),
+    ("Look at a running robot", &["ls", "cat", "hz", "logs", "call"]),
+    ("Look at a robot file", &["check", "graph", "schema"]),
+    ("Look at this machine", &["doctor", "bench"]),
+];
+
+const BOLD: &str = "\x1b[1m";
+const DIM: &str = "\x1b[2m";
+const PLAIN: &str = "\x1b[0m";
+
+const EXIT_CODES: &str = "  0  done
+  1  it did not work; the message says why
+  2  the arguments make no sense
+  3  no such robot is running, or its node or channel is not there
+  4  a check failed: errors in a robot file, a contact that the robot caused, an ailment of the machine";
+
+const FIRST_STEPS: &str = "  sinew run                             the built-in Pioneer wanders through its office
+  sinew cat /drivers/base/sonar --once  one sample of its sonars, from another terminal
+  sinew simulate --seeds 0..20          twenty simulated runs, much faster than real time";
+
+const ENVIRONMENT: &str = "  SINEW_SHM    folder of the robots' channels    (/dev/shm/sinew)
+  SINEW_STATE  folder of logs                    (~/.local/state/sinew)
+  NO_COLOR     no colours; CLICOLOR_FORCE insists on them";
+
+/// The command line with its grouped overview.
+pub fn command_line() -> clap::Command {
+    let mut command = CommandLine::command();
+    // Fills in what derive leaves for the first parse.
+    command.build();
+    let mut text = String::from("{about}\n\nUsage: sinew <COMMAND> [ARGUMENTS]\n");
+    for (title, names) in GROUPS {
+        let _ = write!(text, "\n{BOLD}{title}{PLAIN}\n");
+        for name in names {
+            let about = command.find_subcommand(name).and_then(clap::Command::get_about);
+            let about = about.map(ToString::to_string).unwrap_or_default();
+            let _ = writeln!(text, "  {BOLD}{name:<10}{PLAIN} {about}");
+        }
+    }
+    let _ = write!(text, "\n{BOLD}First steps{PLAIN}\n{FIRST_STEPS}\n");
+    let _ = write!(text, "\n{BOLD}Exit codes{PLAIN}\n{EXIT_CODES}\n");
+    let _ = write!(text, "\n{BOLD}Environment{PLAIN}\n{ENVIRONMENT}\n");
+    let _ = write!(text, "\n{DIM}`sinew COMMAND --help` tells more about a command. Reading commands take --json.{PLAIN}");
+    CommandLine::command().help_template(text)
+}
+
+pub const RUN: &str = "\
+Examples:
+  sinew run                                        the built-in Pioneer, simulated
+  sinew run robots/pioneer --for 60s --json        a minute without a screen, results as JSON
+  sinew run robots/pioneer --device base=/dev/ttyUSB0    the same robot on real wheels";
+
+pub const SIMULATE: &str = "\
+Examples:
+  sinew simulate --seeds 0..100 --for 300s         a hundred runs of the built-in Pioneer
+  sinew simulate robots/pioneer --seeds 7..8 --svg run.svg    draws run 7
+
+JSON (--json):
+  {\"runs\": [{seed, contacts_caused, contacts_suffered, distance_m, least_clearance_m, mean_speed_m_s,
+             realtime_factor, hash}], \"total\": {the same keys}}
+  The same seed gives the same hash, on any machine.
+
+Exit code 4 when the robot caused a contact.";
+
+pub const DRIVE: &str = "\
+Examples:
+  sinew drive                     drives the only running robot with arrow keys or W A S D
+  sinew drive --speed 0.15        slower than the robot file allows
+
+While it runs the robot obeys the keys alone; when it ends, the robot's own actions go on. A key acts while it is held:
+where the terminal reports releases (kitty keyboard protocol) the robot stops on release, elsewhere 0.4 s after the
+last key repeat. Limits, stop zones and bumpers act as ever.
+
+It is an action like any other: it writes /actions/teleop/proposal (urgency 1, valid for 0.3 s), which the coordinator
+obeys as one more member of its set.";
+
+pub const DOWN: &str = "\
+Examples:
+  sinew down                      stops the only running robot in order: nodes first, then its files
+  sinew down pioneer --timeout 30s";
+
+pub const LS: &str = "\
+Examples:
+  sinew ls                        every channel
+  sinew ls /drivers               those of a layer or of a node
+  sinew ls '/actions/*/proposal'  those of a pattern
+  sinew ls sonar                  those with the word in their path
+  sinew ls --tree                 by layer and node
+
+JSON (--json): one object with robot, running, channels: [{path, type, writer_pid, writer_alive, generation, rate_hz,
+age_s, samples, held, depth, bytes, layout_hash}]. Who reads a channel is not known: reading leaves no trace.";
+
+pub const CAT: &str = "\
+Examples:
+  sinew cat /drivers/base/sonar               every new sample, until Ctrl-C
+  sinew cat sonar --once                      the newest one; the end of a path will do where it is the only one
+  sinew cat /perception/odometry/pose --field x_m --field y_m --rate 2
+  sinew cat /drivers/base/state --json | jq .message.battery_v
+  sinew cat /motion/drive/state --history 20  the newest 20 that the ring still holds
+
+JSON (--json), one object per line: path, stamp_ns, sequence, generation, dropped (samples lost so far because this
+reader was too slow), message; with --field: values instead of message.";
+
+pub const HZ: &str = "\
+Examples:
+  sinew hz /drivers/base/odometry             at once, from the samples in the ring
+  sinew hz odometry --window 10               watches for ten seconds
+  sinew hz sonar --window 1 --follow          a line every second
+
+The rate is the number of samples by sequence number over the time between their stamps: it is the writer's, however
+busy this machine is. JSON (--json): path, rate_hz, samples, span_s, spacing_s and jitter_s {p50, p99, max}, dropped,
+generation, age_s. Jitter is the distance of a spacing from the median spacing.";
+
+pub const CALL: &str = "\
+Examples:
+  sinew call /drivers/base                    its commands and their fields
+  sinew call /drivers/base enable '{\"on\": 1}'
+  sinew call base ping                        who answers, and how fast
+
+A message with fields needs them all as JSON; a message of one field takes the bare value. Long orders show their
+progress; Ctrl-C cancels them.";
+
+pub const LOGS: &str = "\
+Examples:
+  sinew logs                      the last lines of every node
+  sinew logs base -f              what node base says from now on
+  sinew logs base --lines 200
+  sinew logs base --previous      the run before";
+
+pub const CHECK: &str = "\
+Examples:
+  sinew check                     the built-in Pioneer
+  sinew check robots/pioneer      reads the file, opens every node for its ports, checks every wire; needs no hardware
+  sinew check --types             node types that a robot file can name
+
+Exit code 4 when there is an error.";
+
+pub const GRAPH: &str = "\
+Examples:
+  sinew graph                     the built-in Pioneer as text
+  sinew graph robots/pioneer --dot | dot -Tsvg > pioneer.svg
+  sinew graph --json";
+
+pub const SCHEMA: &str = "\
+Examples:
+  sinew schema > robot.schema.json     for editors: completion and errors while typing (first line of robot.toml:
+                                       #:schema robot.schema.json)
+  sinew schema --messages              layouts of all messages";
+
+pub const BENCH: &str = "\
+Examples:
+  sinew bench channel             round trips between two processes beside futex and pipe
+  sinew bench --json
+
+JSON (--json): {\"machine\": {…}, \"rows\": [{name, size_bytes, p50_us, p99_us, max_us, n}]}";
+
+pub const DOCTOR: &str = "\
+Examples:
+  sinew doctor                    what this machine lacks for real-time runs and real devices, and how to mend it
+  sinew doctor --json
+
+Exit code 4 when something must be mended before a robot can run; warnings do not count.";
+
+pub const NODE: &str = "\
+Examples:
+  sinew node --root /dev/shm/sinew/pioneer /drivers/base    a node alone, for a debugger";
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_command_stands_in_the_overview_exactly_once() {
+        let mut listed: Vec<&str> = GROUPS.iter().flat_map(|(_, names)| names.iter().copied()).collect();
+        listed.sort_unstable();
+        let command = CommandLine::command();
+        let mut there: Vec<&str> =
+            command.get_subcommands().filter(|c| !c.is_hide_set()).map(clap::Command::get_name).collect();
+        there.sort_unstable();
+        assert_eq!(listed, there);
+    }
+
+    #[test]
+    fn every_command_has_a_line_about_it_and_an_example() {
+        for command in CommandLine::command().get_subcommands_mut() {
+            let name = command.get_name().to_owned();
+            assert!(command.get_about().is_some(), "{name} has no line about it");
+            let help = command.render_long_help().to_string();
+            assert!(help.contains("Examples:") && help.contains(&format!("sinew {name}")), "{name}:\n{help}");
+        }
+    }
+
+    #[test]
+    fn every_argument_says_what_it_is() {
+        for command in CommandLine::command().get_subcommands() {
+            for argument in command.get_arguments() {
+                assert!(argument.get_help().is_some(), "{} {}", command.get_name(), argument.get_id());
+            }
+        }
+    }
+
+    #[test]
+    fn the_overview_tells_exit_codes_and_first_steps() {
+        let help = command_line().render_help().to_string();
+        for words in ["Run a robot", "sinew run", "Exit codes", "3  no such robot", "SINEW_SHM"] {
+            assert!(help.contains(words), "{words} is missing in\n{help}");
+        }
+        assert!(!help.contains('{'), "{help}");
+    }
+
+    #[test]
+    fn reading_commands_take_json() {
+        let command = CommandLine::command();
+        for name in ["ls", "cat", "hz", "call", "logs", "check", "graph", "doctor", "simulate", "bench"] {
+            let found = command.find_subcommand(name).expect("it is a command");
+            assert!(found.get_arguments().any(|a| a.get_long() == Some("json")), "{name} has no --json");
+        }
+    }
+
+    #[test]
+    fn the_command_line_is_sound() {
+        command_line().debug_assert();
+    }
+}
