@@ -1,5 +1,6 @@
 //! Behaviours: each proposes motion for one purpose.
 
+pub mod escape;
 pub mod forward;
 pub mod sectors;
 pub mod steer_clear;

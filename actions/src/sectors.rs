@@ -39,6 +39,8 @@ impl Sector {
 pub struct Forces {
     /// Greatest M among the sector's beams; 0 when nothing is within d_max.
     pub force: [f64; MAX_SECTORS],
+    /// Distance of the nearest echo within d_max, else d_max [m].
+    pub nearest_m: [f64; MAX_SECTORS],
     /// Whether a beam of the sector told anything.
     pub known: [bool; MAX_SECTORS],
     /// Number of sectors.
@@ -49,7 +51,12 @@ impl Forces {
     /// Forces of `beams` no older than `max_age_s`. `a`, `b_per_m` as in M = (a − b·d)/T_s.
     pub fn of(beams: &[Beam], sectors: &[Sector], a: f64, b_per_m: f64, max_age_s: f64) -> Forces {
         let count = sectors.len().min(MAX_SECTORS);
-        let mut forces = Forces { force: [0.0; MAX_SECTORS], known: [false; MAX_SECTORS], count };
+        let mut forces = Forces {
+            force: [0.0; MAX_SECTORS],
+            nearest_m: [a / b_per_m; MAX_SECTORS],
+            known: [false; MAX_SECTORS],
+            count,
+        };
         for beam in beams {
             let magnitude = match beam.echo {
                 e if e == Echo::Value as u32 && beam.range_m >= 0.0 => (a - b_per_m * f64::from(beam.range_m)).max(0.0),
@@ -62,6 +69,7 @@ impl Forces {
             if let Some(k) = sectors[..count].iter().position(|sector| sector.holds(bearing_rad)).filter(|_| fresh) {
                 forces.known[k] = true;
                 forces.force[k] = forces.force[k].max(magnitude / sectors[k].threshold);
+                forces.nearest_m[k] = forces.nearest_m[k].min((a - magnitude) / b_per_m);
             }
         }
         forces

@@ -4,14 +4,19 @@
 //!
 //! - Each packet in which some sector has M > 1 ([`crate::sectors`]) asks for one small turn (3°) away from the
 //!   strongest of them: a turn rate that expires with the packet. Never a computed large turn.
-//! - Where that turn leads towards a further sector with M > 1, the sums of force left and right decide.
-//! - While something is straight ahead the chosen side is kept, else a corner would hold the robot by turning it to and
-//!   fro; beside door jambs it is not, and the robot wiggles through.
-//! - Blocked all round, or after more small turns than a full circle needs did not help: a small turning reverse, longer
-//!   each time until the way has been free for a while.
+//! - Where that turn leads towards a further sector with M > 1, the sums of force left and right decide, over what is
+//!   acted upon; where they balance, as between two jambs, it goes straight on.
+//! - While something is straight ahead the chosen side is kept, unless the other has become clearly the freer one, and
+//!   that not over and over: a corner would hold the robot by turning it to and fro. Beside door jambs nothing is kept,
+//!   and the robot wiggles through.
+//! - Blocked all round: a small turning reverse. So too when the small turns do not help: the readings stay as they are,
+//!   which without odometry says that the robot does, or a full circle's worth of turns has not freed the way. Each
+//!   further try is longer and of another kind ([`crate::escape`]), until the way has been free for a while; and while
+//!   something is straight ahead the robot does not go forward, lest it go back into what it backed out of.
 //!
 //! Without fresh beams: abstains.
 
+use crate::escape::{Escape, EscapeConfig, Side};
 use crate::sectors::{Forces, MAX_SECTORS, Sector};
 use messages::{Axis, Beam, FreeSectors, Proposal, Ranges};
 use runtime::{Fault, Layer, Node, OpenError, Ports, Reader, Time, Writer};
@@ -31,16 +36,20 @@ pub struct SteerClearConfig {
     pub sectors: Vec<Sector>,
     /// Sectors whose middle is within this angle are straight ahead [rad].
     pub ahead_rad: f64,
+    /// Sums of force left and right that differ by no more than this balance.
+    pub balance: f64,
+    /// The side that is being turned to is given up when its sum of force exceeds the other's by more than this.
+    pub switch_excess: f64,
+    /// How often it is given up before the way has been free for a while.
+    pub most_switches: u32,
     /// The small turn that a packet with an obstacle asks for [rad].
     pub turn_per_packet_rad: f64,
     /// Time between packets [s].
     pub packet_s: f64,
     /// Speed of the reverse [m/s].
     pub reverse_m_s: f64,
-    /// Packets that the first reverse lasts; each further one lasts twice as long, up to eight times.
-    pub reverse_packets: u32,
-    /// Packets of turning without effect after which it reverses.
-    pub patience_packets: u32,
+    /// When and how to get out of where turning does not help.
+    pub escape: EscapeConfig,
     /// Packets without obstacle after which the past is forgotten.
     pub forget_packets: u32,
     /// Beams older than this do not count [s].
@@ -62,11 +71,13 @@ impl Default for SteerClearConfig {
             b_per_m: 1.0,
             sectors,
             ahead_rad: 20.0 * deg,
+            balance: 0.15,
+            switch_excess: 1.5,
+            most_switches: 2,
             turn_per_packet_rad: 3.0 * deg,
             packet_s: 0.1,
             reverse_m_s: 0.1,
-            reverse_packets: 12,
-            patience_packets: 130,
+            escape: EscapeConfig::default(),
             forget_packets: 30,
             max_beam_age_s: 1.0,
             urgency: 0.5,
@@ -130,7 +141,13 @@ fn check(config: &SteerClearConfig) -> Result<(), String> {
             return Err(format!("{key} = {value} must be a number greater than zero"));
         }
     }
-    for (key, value) in [("reverse_m_s", c.reverse_m_s), ("ahead_rad", c.ahead_rad), ("urgency", c.urgency)] {
+    for (key, value) in [
+        ("reverse_m_s", c.reverse_m_s),
+        ("ahead_rad", c.ahead_rad),
+        ("balance", c.balance),
+        ("switch_excess", c.switch_excess),
+        ("urgency", c.urgency),
+    ] {
         if !(value.is_finite() && value >= 0.0) {
             return Err(format!("{key} = {value} must be a number, zero or greater"));
         }
@@ -154,41 +171,15 @@ fn check(config: &SteerClearConfig) -> Result<(), String> {
     Ok(())
 }
 
-/// A side to turn to.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Side {
-    Left,
-    Right,
-}
-
-impl Side {
-    fn sign(self) -> f64 {
-        match self {
-            Side::Left => 1.0,
-            Side::Right => -1.0,
-        }
-    }
-
-    fn other(self) -> Side {
-        match self {
-            Side::Left => Side::Right,
-            Side::Right => Side::Left,
-        }
-    }
-}
-
 /// What is remembered from packet to packet.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Memory {
     /// The side that is being turned to because of something straight ahead.
     kept: Option<Side>,
-    /// Packets with something straight ahead since the way was last free or a reverse began.
-    turning: u32,
-    /// Packets that the present reverse still lasts, and the side that it turns to.
-    reversing: u32,
-    reverse_to: Option<Side>,
-    /// Reverses since the way was free for a while.
-    reverses: u32,
+    /// Times that the kept side was given up for the other since the way was last free for a while.
+    switches: u32,
+    /// Ways out of where turning does not help.
+    escape: Escape,
     /// Packets without obstacle in a row.
     free: u32,
 }
@@ -199,7 +190,7 @@ pub fn steer(beams: &[Beam], config: &SteerClearConfig, memory: &mut Memory) -> 
     let forces = Forces::of(beams, &config.sectors, a, b, config.max_beam_age_s);
     let free_sectors = forces.free_sectors(&config.sectors);
     let sees = Sight::of(&forces, &config.sectors, config.ahead_rad);
-    memory.take_in(&sees, config);
+    memory.take_in(&sees, &forces, config);
     let mut proposal = Proposal {
         urgency: config.urgency,
         // Half a packet longer, so that a packet that comes late does not interrupt the turn.
@@ -207,12 +198,17 @@ pub fn steer(beams: &[Beam], config: &SteerClearConfig, memory: &mut Memory) -> 
         ..Proposal::default()
     };
     let turn = |side: Side| Axis::exact(side.sign() * config.turn_per_packet_rad / config.packet_s);
-    if memory.reversing > 0 {
-        proposal.forward = Axis { cap_positive: 0.0, ..Axis::exact(-config.reverse_m_s) };
-        proposal.turn = memory.reverse_to.map_or(Axis::NONE, turn);
+    let no_forward = Axis { cap_positive: 0.0, ..Axis::NONE };
+    if let Some(way_out) = memory.escape.way_out() {
+        let back = Axis { cap_positive: 0.0, ..Axis::exact(-config.reverse_m_s) };
+        proposal.forward = if way_out.back { back } else { no_forward };
+        proposal.turn = way_out.side.map_or(Axis::NONE, turn);
         proposal.urgency = 1.0;
-    } else if let Some(side) = sees.away(memory.kept) {
+    } else if let Some(side) = sees.away(memory.kept, config.balance) {
         proposal.turn = turn(side);
+        if sees.ahead && memory.escape.tries() > 0 {
+            proposal.forward = no_forward;
+        }
     }
     (proposal, free_sectors)
 }
@@ -228,9 +224,11 @@ struct Sight {
     ahead: bool,
     /// Whether every known sector is acted upon.
     blocked: bool,
-    /// Sums of force.
+    /// Sums of force over the sectors that are acted upon, and over all.
     left_sum: f64,
     right_sum: f64,
+    left_all: f64,
+    right_all: f64,
 }
 
 impl Sight {
@@ -243,6 +241,8 @@ impl Sight {
             blocked: true,
             left_sum: 0.0,
             right_sum: 0.0,
+            left_all: 0.0,
+            right_all: 0.0,
         };
         let mut greatest = 1.0;
         for (k, sector) in sectors.iter().enumerate().take(forces.count) {
@@ -252,11 +252,13 @@ impl Sight {
             match side {
                 Side::Left => {
                     sight.left |= acts;
-                    sight.left_sum += force;
+                    sight.left_sum += if acts { force } else { 0.0 };
+                    sight.left_all += force;
                 }
                 Side::Right => {
                     sight.right |= acts;
-                    sight.right_sum += force;
+                    sight.right_sum += if acts { force } else { 0.0 };
+                    sight.right_all += force;
                 }
             }
             sight.ahead |= acts && sector.middle_rad().abs() <= ahead_rad;
@@ -269,17 +271,22 @@ impl Sight {
         sight
     }
 
+    /// By how much the sum of force on `side` exceeds the other side's.
+    fn excess(&self, side: Side) -> f64 {
+        (self.left_sum - self.right_sum) * side.sign()
+    }
+
     fn acts(&self) -> bool {
         self.strongest.is_some()
     }
 
     /// The side with less force.
     fn roomier(&self) -> Side {
-        if self.left_sum > self.right_sum { Side::Right } else { Side::Left }
+        if self.left_all > self.right_all { Side::Right } else { Side::Left }
     }
 
     /// The side to turn to, if at all.
-    fn away(&self, kept: Option<Side>) -> Option<Side> {
+    fn away(&self, kept: Option<Side>, balance: f64) -> Option<Side> {
         let away = self.strongest?.other();
         if self.ahead && kept.is_some() {
             return kept;
@@ -288,34 +295,33 @@ impl Sight {
             Side::Left => self.left,
             Side::Right => self.right,
         };
-        Some(if further { self.roomier() } else { away })
+        if !further {
+            return Some(away);
+        }
+        if (self.left_sum - self.right_sum).abs() <= balance {
+            return self.ahead.then(|| self.roomier());
+        }
+        Some(if self.left_sum > self.right_sum { Side::Right } else { Side::Left })
     }
 }
 
 impl Memory {
-    fn take_in(&mut self, sees: &Sight, config: &SteerClearConfig) {
+    fn take_in(&mut self, sees: &Sight, forces: &Forces, config: &SteerClearConfig) {
         self.free = if sees.acts() { 0 } else { self.free.saturating_add(1) };
         if self.free >= config.forget_packets {
             *self = Memory { free: self.free, ..Memory::default() };
             return;
         }
-        if self.reversing > 0 {
-            self.reversing -= 1;
-            return;
-        }
-        if !sees.ahead {
-            self.kept = None;
+        let worse = self.kept.is_some_and(|side| sees.excess(side) > config.switch_excess);
+        if worse && self.switches < config.most_switches {
+            self.kept = self.kept.map(Side::other);
+            self.switches += 1;
         } else {
-            self.kept = sees.away(self.kept);
-            self.turning += 1;
+            self.kept = if sees.ahead { sees.away(self.kept, config.balance) } else { None };
         }
         let boxed_in = sees.blocked && sees.acts();
-        if boxed_in || self.turning > config.patience_packets {
-            self.reversing = config.reverse_packets << self.reverses.min(3);
-            self.reverse_to = Some(self.kept.unwrap_or(sees.roomier()));
-            self.reverses = self.reverses.saturating_add(1);
-            self.turning = 0;
-        }
+        let side = self.kept.unwrap_or(sees.roomier());
+        self.escape.take_in(forces, sees.acts(), sees.ahead, boxed_in, side, &config.escape);
     }
 }
 
@@ -393,10 +399,11 @@ mod tests {
     }
 
     #[test]
-    fn between_jambs_it_wiggles_away_from_the_nearer_one() {
+    fn between_jambs_it_goes_straight_on_and_turns_away_from_one_alone() {
         let mut memory = Memory::default();
-        assert!(turn_of(with(&[(0, 0.10), (7, 0.13)]), &mut memory) < 0.0);
-        assert!(turn_of(with(&[(0, 0.13), (7, 0.10)]), &mut memory) > 0.0);
+        assert_eq!(turn_of(with(&[(0, 0.10), (7, 0.13)]), &mut memory), 0.0);
+        assert!(turn_of(with(&[(0, 0.08), (7, 0.16)]), &mut memory) < 0.0);
+        assert!(turn_of(with(&[(0, 0.16), (7, 0.08)]), &mut memory) > 0.0);
     }
 
     #[test]
@@ -410,25 +417,12 @@ mod tests {
     }
 
     #[test]
-    fn turning_that_never_helps_ends_in_a_reverse_that_grows() {
+    fn readings_that_stay_as_they_are_while_it_turns_end_in_a_reverse() {
         let config = SteerClearConfig::default();
         let mut memory = Memory::default();
         let dead_end = beams(with(&[(3, 0.3), (4, 0.3)]));
-        let mut reverses = Vec::new();
-        let mut length = 0;
-        for _ in 0..600 {
-            let (proposal, _) = steer(&dead_end, &config, &mut memory);
-            if proposal.forward != Axis::NONE {
-                length += 1;
-            } else if length > 0 {
-                reverses.push(length);
-                length = 0;
-            }
-        }
-        assert!(
-            reverses.len() >= 3 && reverses[1] == 2 * reverses[0] && reverses[2] == 4 * reverses[0],
-            "{reverses:?}"
-        );
+        let packets = (1..100).find(|_| steer(&dead_end, &config, &mut memory).0.forward.value < 0.0);
+        assert_eq!(packets, Some(config.escape.still_packets + 1));
     }
 
     #[test]

@@ -1,7 +1,8 @@
 //! Wanted velocity to the command for the wheels, within the body's limits and the room that it has.
 //!
-//! Reads `velocity` (what the coordinator wants), `ranges` (a set: every ranger that watches over the body), `base`
-//! (bumpers, stalls, readiness) and `odometry` (to carry what was seen to now). Writes `command` and `state`.
+//! Reads `velocity` (what the coordinator wants), `ranges` (a set: every ranger that watches over the body), `fallback`
+//! (optional: a ranger that is asked while the whole set is silent), `base` (bumpers, stalls, readiness) and `odometry`
+//! (optional: to carry what was seen to now). Writes `command` and `state`.
 //!
 //! In this order: nothing or a stale velocity is zero; greatest speeds; barred directions after a bump or a stall; the
 //! blind cap where no ranger looks; the stop zone along the swept footprint ([`crate::zone`]); ramps. Whatever is
@@ -25,8 +26,14 @@ pub struct DriveConfig {
     pub react_s: f64,
     /// Way left between the body and an obstacle when it has come to rest [m].
     pub margin_m: f64,
+    /// Greatest pace of any point of the body when it creeps [m/s].
+    pub creep_m_s: f64,
+    /// Way left when the body has come to rest from creeping [m].
+    pub creep_margin_m: f64,
     /// Added to either side of the body [m].
     pub side_margin_m: f64,
+    /// How much of either edge is cut off at the body's corners; 0 for a plain rectangle [m].
+    pub cut_corners_m: f64,
     /// A direction that no beam younger than this looks along is blind [s].
     pub looks_max_age_s: f64,
     /// Greatest turn rate while no ranger sees anything anywhere [rad/s].
@@ -53,7 +60,10 @@ impl Default for DriveConfig {
             sense_s: 0.1,
             react_s: 0.2,
             margin_m: 0.04,
+            creep_m_s: 0.05,
+            creep_margin_m: 0.015,
             side_margin_m: 0.01,
+            cut_corners_m: 0.0,
             looks_max_age_s: 0.6,
             blind_turn_rad_s: 0.2,
             way_out_m_s: 0.05,
@@ -71,13 +81,14 @@ impl Default for DriveConfig {
 pub struct Drive {
     velocity: Reader<Twist>,
     ranges: Set<Ranges>,
+    fallback: Reader<Ranges>,
     base: Reader<BaseState>,
     odometry: Reader<Odometry>,
     command: Writer<Command>,
     state: Writer<MotionState>,
     obstacles: Obstacles,
     /// Tells whether the set of ranges is another than at the last step.
-    fingerprint: u64,
+    fingerprint: Fingerprint,
     last_step: Option<Time>,
     safe: SafeMotion,
     config: DriveConfig,
@@ -94,12 +105,13 @@ impl Node for Drive {
         Ok(Drive {
             velocity: ports.reader("velocity")?,
             ranges: ports.set("ranges")?,
+            fallback: ports.optional_reader("fallback")?,
             base: ports.reader("base")?,
             odometry: ports.optional_reader("odometry")?,
             command: ports.writer("command")?,
             state: ports.writer("state")?,
             obstacles: Obstacles::new(config.capacity, config.horizon_m),
-            fingerprint: 0,
+            fingerprint: Fingerprint::default(),
             last_step: None,
             safe,
             config,
@@ -107,7 +119,7 @@ impl Node for Drive {
     }
 
     fn step(&mut self, now: Time) -> Result<(), Fault> {
-        self.take_ranges();
+        self.take_ranges(now);
         let dt_s = self.last_step.map_or(0.0, |last| now.since(last)).min(LONGEST_STEP_S);
         self.last_step = Some(now);
         let wanted = self.velocity.fresh(now).map(|twist| velocity_of(&twist));
@@ -133,19 +145,39 @@ const LONGEST_STEP_S: f64 = 0.1;
 
 impl Drive {
     /// Turns beams into points again, if there are other samples than at the last step.
-    fn take_ranges(&mut self) {
-        let mut fingerprint = 1_u64;
+    fn take_ranges(&mut self, now: Time) {
+        let max_age_s = self.ranges.max_age_s();
+        let mut fingerprint = Fingerprint::default();
+        let mut silent = true;
         self.ranges.each(|_, sample| {
-            let mixed = fingerprint.rotate_left(21) ^ sample.sequence ^ sample.generation.rotate_left(40);
-            fingerprint = mixed.wrapping_mul(0x9E37_79B9_7F4A_7C15);
+            silent &= now.since(sample.stamp) > max_age_s;
+            fingerprint.add(sample.sequence, sample.generation);
         });
+        let fallback = if silent { self.fallback.fresh(now) } else { None };
+        if let Some(sample) = &fallback {
+            fingerprint.add(sample.sequence, !sample.generation);
+        }
         if fingerprint == self.fingerprint {
             return;
         }
         self.fingerprint = fingerprint;
-        self.obstacles.clear();
         let obstacles = &mut self.obstacles;
-        self.ranges.each(|_, sample| obstacles.take(sample.stamp, sample.message, sample.tail));
+        obstacles.clear();
+        match fallback {
+            Some(sample) => obstacles.take(sample.stamp, sample.message, sample.tail),
+            None => self.ranges.each(|_, sample| obstacles.take(sample.stamp, sample.message, sample.tail)),
+        }
+    }
+}
+
+/// Tells one choice of samples from another.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+struct Fingerprint(u64);
+
+impl Fingerprint {
+    fn add(&mut self, sequence: u64, generation: u64) {
+        let mixed = self.0.rotate_left(21) ^ sequence ^ generation.rotate_left(40) ^ 1;
+        self.0 = mixed.wrapping_mul(0x9E37_79B9_7F4A_7C15);
     }
 }
 
@@ -159,7 +191,10 @@ fn check(config: &DriveConfig) -> Result<(), String> {
         ("sense_s", c.sense_s),
         ("react_s", c.react_s),
         ("margin_m", c.margin_m),
+        ("creep_m_s", c.creep_m_s),
+        ("creep_margin_m", c.creep_margin_m),
         ("side_margin_m", c.side_margin_m),
+        ("cut_corners_m", c.cut_corners_m),
         ("looks_max_age_s", c.looks_max_age_s),
         ("blind_turn_rad_s", c.blind_turn_rad_s),
         ("way_out_m_s", c.way_out_m_s),

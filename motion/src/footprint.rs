@@ -1,12 +1,12 @@
-//! The body's rectangle, and when it touches a point on its way along an arc.
+//! The body's outline, and when it touches a point on its way along an arc.
 //!
 //! In the body frame a resting point moves with dp/dt = −v·x̂ − ω·ẑ×p: along a straight line when ω = 0, else on a circle
-//! about the body's centre of turning c = (0, v/ω). The rectangle is touched where that path first crosses one of its
-//! four edges, which is exact for any arc; no step size, no sampled poses.
+//! about the body's centre of turning c = (0, v/ω). The outline is touched where that path first crosses one of its
+//! edges, which is exact for any arc; no step size, no sampled poses.
 
 use runtime::Body;
 use runtime::math;
-use std::f64::consts::TAU;
+use std::f64::consts::{FRAC_1_SQRT_2, TAU};
 
 /// Arcs wider than this differ from a straight line by less than the footprint's own uncertainty.
 const STRAIGHT_RADIUS_M: f64 = 1e4;
@@ -49,7 +49,10 @@ pub struct Point {
     pub y_m: f64,
 }
 
-/// A rectangle about the centre of rotation.
+/// Most corners of a footprint.
+const CORNERS: usize = 8;
+
+/// A rectangle about the centre of rotation, whose four corners may be cut off at 45°.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Footprint {
     /// From the centre of rotation to the front edge [m].
@@ -58,120 +61,197 @@ pub struct Footprint {
     pub behind_m: f64,
     /// From the centre line to either side [m].
     pub half_width_m: f64,
+    /// How much of either edge is cut off at a corner [m].
+    pub cut_m: f64,
 }
 
 impl Footprint {
-    /// The footprint of `body`, wider by `side_margin_m` on either side.
-    pub fn of(body: &Body, side_margin_m: f64) -> Footprint {
+    /// The footprint of `body` with corners cut by `cut_m`, wider by `side_margin_m` on either side.
+    pub fn of(body: &Body, cut_m: f64, side_margin_m: f64) -> Footprint {
         Footprint {
             ahead_m: body.length_ahead_m,
             behind_m: body.length_behind_m,
             half_width_m: body.half_width_m + side_margin_m,
+            cut_m,
         }
     }
+
     /// Distance of the farthest corner from the centre of rotation [m].
     pub fn corner_radius_m(&self) -> f64 {
-        math::hypot(self.ahead_m.max(self.behind_m), self.half_width_m)
+        let (far, wide, cut) = (self.ahead_m.max(self.behind_m), self.half_width_m, self.cut_m);
+        math::hypot(far, wide - cut).max(math::hypot(far - cut, wide))
+    }
+
+    /// Corners, counter-clockwise; the two ends of a cut coincide where nothing is cut off.
+    fn corners(&self) -> [Point; CORNERS] {
+        let (f, b, w, c) = (self.ahead_m, -self.behind_m, self.half_width_m, self.cut_m);
+        [(f - c, -w), (f, -w + c), (f, w - c), (f - c, w), (b + c, w), (b, w - c), (b, -w + c), (b + c, -w)]
+            .map(|(x_m, y_m)| Point { x_m, y_m })
+    }
+
+    /// How much the front and the rear edge recede at the distance `side_m` from the centre line [m].
+    fn recess_m(&self, side_m: f64) -> f64 {
+        (side_m - (self.half_width_m - self.cut_m)).max(0.0)
     }
 
     /// Whether `p` is inside or on the edge.
     pub fn holds(&self, p: Point) -> bool {
-        p.x_m <= self.ahead_m && p.x_m >= -self.behind_m && p.y_m.abs() <= self.half_width_m
-    }
-
-    /// Distance from the edge to a point outside; 0 inside [m].
-    pub fn distance_m(&self, p: Point) -> f64 {
-        let dx = (p.x_m - self.ahead_m).max(-self.behind_m - p.x_m).max(0.0);
-        let dy = (p.y_m.abs() - self.half_width_m).max(0.0);
-        math::hypot(dx, dy)
+        let side_m = p.y_m.abs();
+        let recess_m = self.recess_m(side_m);
+        side_m <= self.half_width_m && p.x_m <= self.ahead_m - recess_m && p.x_m >= recess_m - self.behind_m
     }
 
     /// Time until the body, moving at `velocity`, touches the resting point `p`; +∞ when it never does [s].
     ///
     /// A point that is inside already is touched at once if the motion would press it deeper, and never if it lets go.
     pub fn contact_s(&self, velocity: Velocity, p: Point) -> f64 {
-        let Velocity { forward_m_s: v, turn_rad_s: w } = velocity;
-        if v == 0.0 && w == 0.0 {
-            return f64::INFINITY;
-        }
-        if self.holds(p) {
-            return if self.deepens(velocity, p) { 0.0 } else { f64::INFINITY };
-        }
-        if w.abs() * STRAIGHT_RADIUS_M <= v.abs() { self.contact_straight_s(v, p) } else { self.contact_arc_s(v, w, p) }
+        Sweep::new(self, velocity).contact_s(p)
     }
 
-    fn contact_straight_s(&self, v: f64, p: Point) -> f64 {
-        if p.y_m.abs() > self.half_width_m {
-            return f64::INFINITY;
-        }
-        let gap_m = if v > 0.0 { p.x_m - self.ahead_m } else { -self.behind_m - p.x_m };
-        if gap_m < 0.0 { f64::INFINITY } else { gap_m / v.abs() }
-    }
-
-    fn contact_arc_s(&self, v: f64, w: f64, p: Point) -> f64 {
-        let centre_y = v / w;
-        let (px, py) = (p.x_m, p.y_m - centre_y);
-        let radius_sq = px * px + py * py;
-        if !self.circle_meets(centre_y, radius_sq) {
-            return f64::INFINITY;
-        }
-        let from = math::atan2(py, px);
-        let mut least_turn = f64::INFINITY;
-        let mut consider = |x: f64, y: f64| {
-            // The point runs against the body's own turning.
-            let turn = (from - math::atan2(y, x)) * w.signum();
-            // Rounding at the very edge must read as a touch now, not after a full turn.
-            let turn = if turn < -1e-9 { turn + TAU } else { turn.max(0.0) };
-            least_turn = least_turn.min(turn);
-        };
-        for x in [self.ahead_m, -self.behind_m] {
-            let rest = radius_sq - x * x;
-            if rest >= 0.0 {
-                let root = rest.sqrt();
-                for y in [root, -root] {
-                    if (y + centre_y).abs() <= self.half_width_m {
-                        consider(x, y);
-                    }
-                }
-            }
-        }
-        for side in [self.half_width_m, -self.half_width_m] {
-            let y = side - centre_y;
-            let rest = radius_sq - y * y;
-            if rest >= 0.0 {
-                let root = rest.sqrt();
-                for x in [root, -root] {
-                    if x <= self.ahead_m && x >= -self.behind_m {
-                        consider(x, y);
-                    }
-                }
-            }
-        }
-        least_turn / w.abs()
-    }
-
-    /// Whether the circle about (0, `centre_y`) can meet the rectangle at all: cheap, and true for few points.
-    fn circle_meets(&self, centre_y: f64, radius_sq: f64) -> bool {
-        let near_y = (centre_y.abs() - self.half_width_m).max(0.0);
-        let far_y = centre_y.abs() + self.half_width_m;
-        let far_x = self.ahead_m.max(self.behind_m);
-        radius_sq >= near_y * near_y && radius_sq <= far_y * far_y + far_x * far_x
-    }
-
-    /// Whether moving at `velocity` brings a point inside the rectangle farther from the nearest edge.
+    /// Whether moving at `velocity` brings a point inside the footprint farther from the nearest edge.
     fn deepens(&self, velocity: Velocity, p: Point) -> bool {
         let dx = -velocity.forward_m_s + velocity.turn_rad_s * p.y_m;
         let dy = -velocity.turn_rad_s * p.x_m;
-        // Depth below each edge, and the speed at which that depth grows.
+        // Every edge by its outward normal and its distance from the centre of rotation.
+        let (wide, slant) = (self.half_width_m, FRAC_1_SQRT_2);
+        let front = (self.ahead_m + wide - self.cut_m) * slant;
+        let rear = (self.behind_m + wide - self.cut_m) * slant;
         let edges = [
-            (self.ahead_m - p.x_m, -dx),
-            (p.x_m + self.behind_m, dx),
-            (self.half_width_m - p.y_m, -dy),
-            (p.y_m + self.half_width_m, dy),
+            (1.0, 0.0, self.ahead_m),
+            (-1.0, 0.0, self.behind_m),
+            (0.0, 1.0, wide),
+            (0.0, -1.0, wide),
+            (slant, slant, front),
+            (slant, -slant, front),
+            (-slant, slant, rear),
+            (-slant, -slant, rear),
         ];
-        let nearest = edges.into_iter().reduce(|a, b| if b.0 < a.0 { b } else { a });
-        nearest.is_some_and(|(_, growth)| growth > 1e-9)
+        let depth = |&(nx, ny, away): &(f64, f64, f64)| away - (nx * p.x_m + ny * p.y_m);
+        let nearest = edges.into_iter().reduce(|a, b| if depth(&b) < depth(&a) { b } else { a });
+        nearest.is_some_and(|(nx, ny, _)| nx * dx + ny * dy < -1e-9)
     }
+}
+
+/// A footprint on its way along one arc: what is asked for many points is worked out once.
+#[derive(Debug, Clone, Copy)]
+pub struct Sweep<'a> {
+    footprint: &'a Footprint,
+    velocity: Velocity,
+    arc: Option<Arc>,
+}
+
+/// The footprint about its centre of turning.
+#[derive(Debug, Clone, Copy)]
+struct Arc {
+    centre_y_m: f64,
+    /// Corners from the centre of turning, with their squared distances from it.
+    corners: [(f64, f64, f64); CORNERS],
+    /// Only points at squared distances between these meet the footprint.
+    near_sq: f64,
+    far_sq: f64,
+}
+
+impl<'a> Sweep<'a> {
+    /// The sweep of `footprint` at `velocity`.
+    pub fn new(footprint: &'a Footprint, velocity: Velocity) -> Sweep<'a> {
+        let Velocity { forward_m_s: v, turn_rad_s: w } = velocity;
+        let turns = w.abs() * STRAIGHT_RADIUS_M > v.abs();
+        Sweep { footprint, velocity, arc: turns.then(|| Arc::new(footprint, v / w)) }
+    }
+
+    /// See [`Footprint::contact_s`].
+    pub fn contact_s(&self, p: Point) -> f64 {
+        let moves = self.velocity != Velocity::ZERO;
+        if moves && self.footprint.holds(p) {
+            return if self.footprint.deepens(self.velocity, p) { 0.0 } else { f64::INFINITY };
+        }
+        match &self.arc {
+            Some(arc) => arc.turn_to_contact_rad(p, self.velocity.turn_rad_s) / self.velocity.turn_rad_s.abs(),
+            None if moves => self.straight_s(p),
+            None => f64::INFINITY,
+        }
+    }
+
+    fn straight_s(&self, p: Point) -> f64 {
+        let (body, v) = (self.footprint, self.velocity.forward_m_s);
+        let side_m = p.y_m.abs();
+        if side_m > body.half_width_m {
+            return f64::INFINITY;
+        }
+        let gap_m = if v > 0.0 { p.x_m - body.ahead_m } else { -body.behind_m - p.x_m } + body.recess_m(side_m);
+        if gap_m < 0.0 { f64::INFINITY } else { gap_m / v.abs() }
+    }
+}
+
+impl Arc {
+    fn new(footprint: &Footprint, centre_y_m: f64) -> Arc {
+        let corners = footprint.corners().map(|p| {
+            let y = p.y_m - centre_y_m;
+            (p.x_m, y, p.x_m * p.x_m + y * y)
+        });
+        let far_sq = corners.iter().fold(0.0, |far, corner| f64::max(far, corner.2));
+        let inside = footprint.holds(Point { x_m: 0.0, y_m: centre_y_m });
+        let near_sq = if inside { 0.0 } else { edges(&corners).map(near_sq).fold(f64::INFINITY, f64::min) };
+        Arc { centre_y_m, corners, near_sq, far_sq }
+    }
+
+    /// Angle by which the body turns, towards the sign of `w`, until it touches a point outside; +∞ for never [rad].
+    fn turn_to_contact_rad(&self, p: Point, w: f64) -> f64 {
+        let (px, py) = (p.x_m, p.y_m - self.centre_y_m);
+        let radius_sq = px * px + py * py;
+        // Cheap, and true for few points; also refuses a point that is no number.
+        let meets = radius_sq >= self.near_sq && radius_sq <= self.far_sq;
+        if !meets {
+            return f64::INFINITY;
+        }
+        let from = math::atan2(py, px);
+        let mut least = f64::INFINITY;
+        for (a, b) in edges(&self.corners) {
+            // An edge whose ends are both nearer is inside the circle.
+            if a.2 < radius_sq && b.2 < radius_sq {
+                continue;
+            }
+            for (x, y) in crossings(a, b, radius_sq).into_iter().flatten() {
+                // The point runs against the body's own turning.
+                let turn = (from - math::atan2(y, x)) * w.signum();
+                // Rounding at the very edge must read as a touch now, not after a full turn.
+                let turn = if turn < -1e-9 { turn + TAU } else { turn.max(0.0) };
+                least = least.min(turn);
+            }
+        }
+        least
+    }
+}
+
+type Corner = (f64, f64, f64);
+
+fn edges(corners: &[Corner; CORNERS]) -> impl Iterator<Item = (Corner, Corner)> + '_ {
+    (0..CORNERS).map(|k| (corners[k], corners[(k + 1) % CORNERS]))
+}
+
+/// Squared distance from the origin to an edge [m²].
+fn near_sq((a, b): (Corner, Corner)) -> f64 {
+    let (ex, ey) = (b.0 - a.0, b.1 - a.1);
+    let length_sq = ex * ex + ey * ey;
+    let t = if length_sq > 0.0 { (-(a.0 * ex + a.1 * ey) / length_sq).clamp(0.0, 1.0) } else { 0.0 };
+    let (x, y) = (a.0 + t * ex, a.1 + t * ey);
+    x * x + y * y
+}
+
+/// Where the edge from `a` to `b` crosses the circle of squared radius `radius_sq` about the origin.
+fn crossings(a: Corner, b: Corner, radius_sq: f64) -> [Option<(f64, f64)>; 2] {
+    let (ex, ey) = (b.0 - a.0, b.1 - a.1);
+    let length_sq = ex * ex + ey * ey;
+    let half = a.0 * ex + a.1 * ey;
+    let root_sq = half * half - length_sq * (a.2 - radius_sq);
+    if length_sq == 0.0 || root_sq < 0.0 {
+        return [None, None];
+    }
+    let root = root_sq.sqrt();
+    [-root, root].map(|root| {
+        let t = (root - half) / length_sq;
+        (-1e-12..=1.0 + 1e-12).contains(&t).then(|| (a.0 + t * ex, a.1 + t * ey))
+    })
 }
 
 #[cfg(test)]
@@ -179,7 +259,8 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    const PIONEER: Footprint = Footprint { ahead_m: 0.21, behind_m: 0.30, half_width_m: 0.20 };
+    const PIONEER: Footprint = Footprint { ahead_m: 0.21, behind_m: 0.30, half_width_m: 0.20, cut_m: 0.0 };
+    const CUT: Footprint = Footprint { cut_m: 0.1, ..PIONEER };
 
     fn at(x_m: f64, y_m: f64) -> Point {
         Point { x_m, y_m }
@@ -204,6 +285,14 @@ mod tests {
         assert!(PIONEER.contact_s(Velocity::new(0.0, 0.5), beside).is_finite());
         assert!(PIONEER.contact_s(Velocity::new(0.0, -0.5), beside).is_finite());
         assert_eq!(PIONEER.contact_s(Velocity::new(0.0, 0.5), at(0.0, 0.37)), f64::INFINITY);
+    }
+
+    #[test]
+    fn a_body_with_cut_corners_turns_where_a_rectangle_cannot() {
+        let behind = at(-0.27, 0.23);
+        assert!(PIONEER.contact_s(Velocity::new(0.0, 0.5), behind).is_finite());
+        assert_eq!(CUT.contact_s(Velocity::new(0.0, 0.5), behind), f64::INFINITY);
+        assert!((CUT.contact_s(Velocity::new(0.1, 0.0), at(0.31, 0.15)) - 1.5).abs() < 1e-9);
     }
 
     #[test]
@@ -248,19 +337,20 @@ mod tests {
     proptest! {
         #[test]
         fn the_exact_contact_agrees_with_stepping_along_the_arc(
-            v in -0.5..0.5f64, w in -1.5..1.5f64, x in -1.0..1.0f64, y in -1.0..1.0f64,
+            v in -0.5..0.5f64, w in -1.5..1.5f64, x in -1.0..1.0f64, y in -1.0..1.0f64, cut in any::<bool>(),
         ) {
             let p = at(x, y);
-            prop_assume!(!PIONEER.holds(p));
+            let body = if cut { CUT } else { PIONEER };
+            prop_assume!(!body.holds(p));
             let horizon_s = 2.0;
             let velocity = Velocity::new(v, w);
-            let exact = PIONEER.contact_s(velocity, p);
-            let stepped = contact_by_stepping_s(&PIONEER, velocity, p, horizon_s);
+            let exact = body.contact_s(velocity, p);
+            let stepped = contact_by_stepping_s(&body, velocity, p, horizon_s);
             if stepped.is_finite() {
                 prop_assert!((exact - stepped).abs() < 2e-3, "exact {exact}, stepped {stepped}");
             } else {
                 // A corner that is grazed between two steps is the only way to miss a contact.
-                let grazed = Footprint { ahead_m: 0.2095, behind_m: 0.2995, half_width_m: 0.1995 };
+                let grazed = Footprint { ahead_m: 0.2095, behind_m: 0.2995, half_width_m: 0.1995, ..body };
                 prop_assert!(grazed.contact_s(velocity, p) > horizon_s - 2e-3, "exact {exact}");
             }
         }

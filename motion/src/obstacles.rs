@@ -136,8 +136,9 @@ fn distance_m(beam: &Beam, ranges: &Ranges) -> Option<Option<f64>> {
     let range_m = f64::from(beam.range_m);
     match beam.echo {
         e if !placed || !beam.age_s.is_finite() || e == Echo::None as u32 => None,
+        // Nearer than can be measured: half of the least range stands for it.
+        e if e == Echo::TooNear as u32 => Some(Some(0.5 * f64::from(ranges.min_range_m).max(0.0))),
         e if e == Echo::Value as u32 => (range_m.is_finite() && range_m >= 0.0).then_some(Some(range_m)),
-        e if e == Echo::TooNear as u32 => Some(Some(f64::from(ranges.min_range_m).max(0.0))),
         e if e == Echo::Clear as u32 => Some(None),
         _ => None,
     }
@@ -225,10 +226,10 @@ mod tests {
     }
 
     #[test]
-    fn something_too_near_to_measure_is_as_near_as_can_be_measured() {
+    fn something_too_near_to_measure_is_taken_to_be_very_near() {
         let mut obstacles = Obstacles::new(64, 2.0);
         obstacles.take(Time::ZERO, &ranges(0.0), &[beam(0.0, 0.0, Echo::TooNear)]);
-        assert!((obstacles.carried(Time::ZERO, Velocity::ZERO, 1.0).0[0].x_m - 0.2).abs() < 1e-6);
+        assert!((obstacles.carried(Time::ZERO, Velocity::ZERO, 1.0).0[0].x_m - 0.15).abs() < 1e-6);
     }
 
     #[test]

@@ -36,7 +36,7 @@ impl SafeMotion {
     /// A body at rest.
     pub fn new(body: &Body, config: &DriveConfig) -> SafeMotion {
         SafeMotion {
-            footprint: Footprint::of(body, config.side_margin_m),
+            footprint: Footprint::of(body, config.cut_corners_m, config.side_margin_m),
             limits: Limits {
                 forward_m_s: body.max_forward_m_s,
                 backward_m_s: body.max_backward_m_s,
@@ -50,6 +50,8 @@ impl SafeMotion {
                 deceleration_m_s2: body.deceleration_m_s2,
                 turn_deceleration_rad_s2: body.turn_acceleration_rad_s2,
                 margin_m: config.margin_m,
+                creep_m_s: config.creep_m_s,
+                creep_margin_m: config.creep_margin_m.min(config.margin_m),
             },
             blind_cap_m_s: body.blind_cap_m_s,
             config: config.clone(),
@@ -230,7 +232,7 @@ mod tests {
 
     #[test]
     fn an_obstacle_in_the_way_stops_and_one_beside_it_does_not() {
-        let ahead = Point { x_m: 0.25, y_m: 0.1 };
+        let ahead = Point { x_m: 0.22, y_m: 0.1 };
         let beside = Point { x_m: 0.25, y_m: 0.25 };
         let state = settled(FORWARD, &ready(), &[ahead], everywhere());
         assert_eq!((state.sent.linear_x_m_s, state.stop, state.stops), (0.0, Stop::Zone as u32, 1));

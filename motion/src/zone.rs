@@ -3,13 +3,14 @@
 //! The body goes on for the delay τ (sensing and reacting) and then brakes; all of it must end a margin short of the
 //! first contact. With T the time to contact at the wanted velocity, a share k of that velocity needs
 //! k·τ + k²/2·max(|v|/a, |ω|/α) ≤ T − margin/(|v| + |ω|·r), which for ω = 0 is the familiar
-//! v·τ + v²/2a ≤ clear − margin. r is the corner's radius: no point of the body is faster than |v| + |ω|·r.
+//! v·τ + v²/2a ≤ clear − margin. r is the corner's radius: no point of the body is faster than |v| + |ω|·r. When even
+//! that is slow, the body creeps, and a smaller margin does: what is left to go wrong is less.
 //!
-//! Where the wanted arc is not free, the turn is kept and the forward speed yields, because a body that turns finds its
-//! way out and a body that only brakes does not. Where even that turn would swing a corner into something, the turn
-//! yields by halves: between two door jambs the body goes straight on.
+//! Where the wanted arc is not free, of the slower and the straighter ones that are, the one that fulfils most of both
+//! wishes is taken: before a wall the speed yields and the body turns away; between two door jambs, where a turn would
+//! swing a corner into one of them, the turn yields and the body goes straight on.
 
-use crate::footprint::{Footprint, Point, Velocity};
+use crate::footprint::{Footprint, Point, Sweep, Velocity};
 
 /// What the body needs to come to rest.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -22,6 +23,10 @@ pub struct Braking {
     pub turn_deceleration_rad_s2: f64,
     /// Room that must be left at rest [m].
     pub margin_m: f64,
+    /// No point of the body is faster than this when it creeps [m/s].
+    pub creep_m_s: f64,
+    /// Room that must be left at rest when it creeps [m].
+    pub creep_margin_m: f64,
 }
 
 /// Less room than this is none [m].
@@ -36,7 +41,13 @@ impl Braking {
         if contact_s == f64::INFINITY || pace_m_s == 0.0 {
             return 1.0;
         }
-        let room_s = contact_s - self.margin_m / pace_m_s;
+        let creep = self.share_within(velocity, contact_s, pace_m_s, self.creep_margin_m);
+        self.share_within(velocity, contact_s, pace_m_s, self.margin_m).max(creep.min(self.creep_m_s / pace_m_s))
+    }
+
+    fn share_within(&self, velocity: Velocity, contact_s: f64, pace_m_s: f64, margin_m: f64) -> f64 {
+        let (v, w) = (velocity.forward_m_s.abs(), velocity.turn_rad_s.abs());
+        let room_s = contact_s - margin_m / pace_m_s;
         // Also refuses a room that is no number.
         if room_s.is_nan() || room_s * pace_m_s < NO_ROOM_M {
             return 0.0;
@@ -53,8 +64,11 @@ impl Braking {
             return f64::INFINITY;
         }
         let (a, delay) = (self.deceleration_m_s2, self.delay_s);
-        let room_m = Some(clear_m - self.margin_m).filter(|&room| room >= NO_ROOM_M).unwrap_or(0.0);
-        2.0 * room_m / (delay + (delay * delay + 2.0 * room_m / a).sqrt())
+        let within = |margin_m: f64| {
+            let room_m = Some(clear_m - margin_m).filter(|&room| room >= NO_ROOM_M).unwrap_or(0.0);
+            2.0 * room_m / (delay + (delay * delay + 2.0 * room_m / a).sqrt())
+        };
+        within(self.margin_m).max(within(self.creep_margin_m).min(self.creep_m_s))
     }
 }
 
@@ -71,7 +85,8 @@ pub struct Allowed {
 
 /// Time to the first contact with any of `points` at `velocity`; +∞ when there is none [s].
 pub fn first_contact_s(footprint: &Footprint, points: &[Point], velocity: Velocity) -> f64 {
-    points.iter().map(|&p| footprint.contact_s(velocity, p)).fold(f64::INFINITY, f64::min)
+    let sweep = Sweep::new(footprint, velocity);
+    points.iter().map(|&p| sweep.contact_s(p)).fold(f64::INFINITY, f64::min)
 }
 
 /// The velocity nearest to `wanted` that the room among `points` allows.
@@ -97,6 +112,7 @@ pub fn allow(footprint: &Footprint, braking: &Braking, points: &[Point], wanted:
             let (k, _) = share(candidate);
             if k >= 1.0 {
                 let worth = worth(candidate, wanted);
+                // Of equals the one with more turn, which comes first: a body that turns finds its way out.
                 if worth > best_worth {
                     (best, best_worth) = (candidate, worth);
                 }
@@ -108,10 +124,10 @@ pub fn allow(footprint: &Footprint, braking: &Braking, points: &[Point], wanted:
     Allowed { velocity: best, contact_s, held: true }
 }
 
-/// How much of `wanted` a candidate fulfils; the turn counts twice.
+/// How much of `wanted` a candidate fulfils, axis by axis.
 fn worth(candidate: Velocity, wanted: Velocity) -> f64 {
     let part = |is: f64, want: f64| if want == 0.0 { 0.0 } else { is / want };
-    part(candidate.forward_m_s, wanted.forward_m_s) + 2.0 * part(candidate.turn_rad_s, wanted.turn_rad_s)
+    part(candidate.forward_m_s, wanted.forward_m_s) + part(candidate.turn_rad_s, wanted.turn_rad_s)
 }
 
 #[cfg(test)]
@@ -119,9 +135,15 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    const PIONEER: Footprint = Footprint { ahead_m: 0.21, behind_m: 0.30, half_width_m: 0.21 };
-    const BRAKING: Braking =
-        Braking { delay_s: 0.3, deceleration_m_s2: 0.3, turn_deceleration_rad_s2: 1.5, margin_m: 0.05 };
+    const PIONEER: Footprint = Footprint { ahead_m: 0.21, behind_m: 0.30, half_width_m: 0.21, cut_m: 0.0 };
+    const BRAKING: Braking = Braking {
+        delay_s: 0.3,
+        deceleration_m_s2: 0.3,
+        turn_deceleration_rad_s2: 1.5,
+        margin_m: 0.05,
+        creep_m_s: 0.0,
+        creep_margin_m: 0.05,
+    };
 
     fn at(x_m: f64, y_m: f64) -> Point {
         Point { x_m, y_m }
@@ -161,6 +183,14 @@ mod tests {
         let turning = allowed(&jambs, 0.2, 0.5);
         assert!(turning.forward_m_s >= 0.1, "goes on: {turning:?}");
         assert!(turning.turn_rad_s < 0.3, "with a smaller turn: {turning:?}");
+    }
+
+    #[test]
+    fn the_last_centimetres_are_crept() {
+        let creeping = Braking { creep_m_s: 0.04, creep_margin_m: 0.01, ..BRAKING };
+        let limit = |clear_m| creeping.speed_limit_m_s(clear_m);
+        assert_eq!((limit(0.005), limit(0.04)), (0.0, 0.04));
+        assert_eq!(limit(0.3), BRAKING.speed_limit_m_s(0.3));
     }
 
     #[test]

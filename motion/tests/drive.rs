@@ -71,7 +71,7 @@ fn drives_when_all_is_well() {
 
 #[test]
 fn stops_for_what_is_in_the_way() {
-    let (command, state) = Rig::new("").drive(0.24);
+    let (command, state) = Rig::new("").drive(0.22);
     assert_eq!(command.velocity.linear_x_m_s, 0.0);
     assert_eq!((state.stop, state.stops), (Stop::Zone as u32, 1));
 }
@@ -103,6 +103,22 @@ fn a_silent_ranger_leaves_the_blind_cap() {
     let (command, state) = last.unwrap();
     assert!((command.velocity.linear_x_m_s - 0.05).abs() < 1e-12);
     assert_eq!(state.stop, Stop::Blind as u32);
+}
+
+#[test]
+fn while_the_set_is_silent_the_fallback_is_asked() {
+    let mut rig = Rig::new("");
+    rig.drive(4.0);
+    let sonar = Ranges { min_range_m: 0.1, max_range_m: 5.0, beam_width_rad: 0.5, span_s: 0.3 };
+    let mut last = None;
+    for _ in 0..40 {
+        rig.base();
+        rig.velocity(0.25);
+        rig.bench.feed("fallback", at(rig.now_s), &sonar, &[beam(0.0, 2.0), beam(3.1, 5.0)]);
+        last = Some(rig.step());
+    }
+    let (command, state) = last.unwrap();
+    assert_eq!((command.velocity.linear_x_m_s, state.stop), (0.25, Stop::None as u32));
 }
 
 #[test]

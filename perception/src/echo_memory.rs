@@ -5,6 +5,12 @@
 //! away spots of older readings that lie nearer than it, well inside its cone, and are looked at from about the side
 //! they were seen from (a smooth wall that is looked at askance throws the sound away and seems to be gone). A spot that
 //! was confirmed needs to be denied as often. Where the body stands there is nothing else.
+//!
+//! Most of an arc is false: the echo came from one place on it. Arcs heard from different places cross at the true one.
+//! So a spot is confirmed by every arc through it that was heard from another place than the last one that did; once it
+//! has been confirmed often enough it *explains* the arcs through it, later and earlier ones, of which only the part
+//! near the spot is kept. That is how a jamb stops blocking the door beside it. (Triangulation of arcs: Wijk and
+//! Christensen 2000; the votes are theirs, the rest is simpler.)
 
 use messages::{Beam, Echo, Ranges};
 use runtime::{Time, math};
@@ -15,24 +21,40 @@ use serde::Deserialize;
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct MemoryConfig {
-    /// How long a spot is remembered that nothing confirms or denies [s].
+    /// How long a spot is remembered that explains arcs, when nothing confirms or denies it any more [s].
     pub keep_s: f64,
+    /// The same for every other spot [s].
+    pub keep_unexplained_s: f64,
     /// Spots farther away from the body than this are forgotten [m].
     pub keep_within_m: f64,
     /// Most spots.
     pub capacity: usize,
     /// Spots along an arc stand no farther apart than this [m].
     pub spacing_m: f64,
-    /// A new spot this near to an old one confirms it [m].
+    /// No spot is added this near to another one [m].
     pub same_within_m: f64,
-    /// A reading denies spots that lie nearer than it by more than this [m].
+    /// A spot this near to an arc is on it [m].
+    pub on_arc_within_m: f64,
+    /// A reading denies spots that lie nearer than it by more than this [m] …
     pub denies_beyond_m: f64,
+    /// … and this share of it.
+    pub denies_beyond_share: f64,
     /// Share of the cone's half width within which a reading can deny.
     pub denies_within_share: f64,
     /// A reading denies only what was seen from within this angle of its own line of sight [rad].
     pub denies_askance_rad: f64,
+    /// An echo confirms a spot when the disc has moved by this since the last one that did [m].
+    pub confirmed_from_m: f64,
+    /// A spot with so many confirmations explains the arcs through it.
+    pub explains_from: u8,
+    /// What is left of an explained arc on either side of the spot [m].
+    pub explained_within_m: f64,
     /// Most confirmations that count.
     pub most_confirmations: u8,
+    /// Of an arc nearer than this, only what earlier readings leave open is kept [m].
+    pub near_m: f64,
+    /// Readings older than this leave everything open [s].
+    pub recall_s: f64,
     /// How long before its time stamp a reading was taken, on average: a Pioneer's pings are gathered for 100 ms [s].
     pub heard_before_s: f64,
 }
@@ -41,37 +63,59 @@ impl Default for MemoryConfig {
     fn default() -> MemoryConfig {
         MemoryConfig {
             keep_s: 10.0,
+            keep_unexplained_s: 5.0,
             keep_within_m: 1.5,
             capacity: 256,
-            spacing_m: 0.06,
-            same_within_m: 0.03,
-            denies_beyond_m: 0.08,
-            denies_within_share: 0.7,
+            spacing_m: 0.05,
+            same_within_m: 0.025,
+            on_arc_within_m: 0.02,
+            denies_beyond_m: 0.025,
+            denies_beyond_share: 0.1,
+            denies_within_share: 0.8,
             denies_askance_rad: 0.5,
-            most_confirmations: 3,
+            confirmed_from_m: 0.03,
+            explains_from: 3,
+            explained_within_m: 0.05,
+            most_confirmations: 4,
+            near_m: 0.35,
+            recall_s: 4.0,
             heard_before_s: 0.05,
         }
     }
 }
+
+/// A ranger that clamps reads no less than its least range: within this of it nothing is known but "nearer" [m].
+const TOO_NEAR_M: f64 = 0.002;
 
 impl MemoryConfig {
     /// Whether every setting is within its bounds; else which is not.
     pub fn check(&self) -> Result<(), String> {
         for (key, value) in [
             ("keep_s", self.keep_s),
+            ("keep_unexplained_s", self.keep_unexplained_s),
+            ("on_arc_within_m", self.on_arc_within_m),
             ("keep_within_m", self.keep_within_m),
             ("spacing_m", self.spacing_m),
             ("same_within_m", self.same_within_m),
             ("denies_beyond_m", self.denies_beyond_m),
-            ("denies_within_share", self.denies_within_share),
             ("denies_askance_rad", self.denies_askance_rad),
+            ("confirmed_from_m", self.confirmed_from_m),
+            ("explained_within_m", self.explained_within_m),
+            ("near_m", self.near_m),
+            ("recall_s", self.recall_s),
         ] {
             if !(value.is_finite() && value > 0.0) {
                 return Err(format!("{key} = {value} must be a number greater than zero"));
             }
         }
-        if !(0.0..=1.0).contains(&self.heard_before_s) {
-            return Err(format!("heard_before_s = {} must be 0 to 1", self.heard_before_s));
+        for (key, value) in [
+            ("heard_before_s", self.heard_before_s),
+            ("denies_beyond_share", self.denies_beyond_share),
+            ("denies_within_share", self.denies_within_share),
+        ] {
+            if !(0.0..=1.0).contains(&value) {
+                return Err(format!("{key} = {value} must be 0 to 1"));
+            }
         }
         if !(16..=4096).contains(&self.capacity) {
             return Err(format!("capacity = {} must be 16 to 4096 spots", self.capacity));
@@ -129,17 +173,87 @@ pub struct Outline {
 struct Spot {
     x_m: f64,
     y_m: f64,
-    /// Unit vector of the line of sight that it was seen along.
+    /// Unit vector of the line of sight that it was last seen along.
     look_x: f64,
     look_y: f64,
+    /// The reading that it came from, or that confirmed it last.
+    arc: Arc,
     seen: Time,
     confirmations: u8,
 }
+
+/// Where something is, by one reading: on this arc.
+#[derive(Debug, Clone, Copy)]
+struct Arc {
+    x_m: f64,
+    y_m: f64,
+    axis_x: f64,
+    axis_y: f64,
+    cos_half: f64,
+    radius_m: f64,
+}
+
+impl Arc {
+    fn of(reading: &Reading, radius_m: f64) -> Arc {
+        Arc {
+            x_m: reading.x_m,
+            y_m: reading.y_m,
+            axis_x: reading.axis_x,
+            axis_y: reading.axis_y,
+            cos_half: math::cos(reading.half_width_rad),
+            radius_m,
+        }
+    }
+
+    /// Whether the arc passes through a place.
+    fn meets(&self, x_m: f64, y_m: f64, within_m: f64) -> bool {
+        let (dx, dy) = (x_m - self.x_m, y_m - self.y_m);
+        let along_m = dx * self.axis_x + dy * self.axis_y;
+        if along_m <= 0.0 || along_m > self.radius_m + within_m {
+            return false;
+        }
+        let away_m = math::hypot(dx, dy);
+        (away_m - self.radius_m).abs() <= within_m && along_m >= self.cos_half * away_m
+    }
+}
+
+/// What one reading said to be free: nothing nearer than `reach_m` well inside its cone.
+#[derive(Debug, Clone, Copy)]
+struct Free {
+    time: Time,
+    x_m: f64,
+    y_m: f64,
+    axis_x: f64,
+    axis_y: f64,
+    cos_sure: f64,
+    reach_m: f64,
+}
+
+impl Free {
+    /// Whether a place is said to be free by somebody who looked along about the unit vector (`look_x`, `look_y`).
+    fn denies(&self, x_m: f64, y_m: f64, look_x: f64, look_y: f64, cos_askance: f64) -> bool {
+        let (dx, dy) = (x_m - self.x_m, y_m - self.y_m);
+        let along_m = dx * self.axis_x + dy * self.axis_y;
+        if along_m <= 0.0 || along_m > self.reach_m {
+            return false;
+        }
+        let away_m = math::hypot(dx, dy);
+        away_m < self.reach_m && along_m >= self.cos_sure * away_m && dx * look_x + dy * look_y >= cos_askance * away_m
+    }
+}
+
+/// Readings that are recalled.
+const RECALLED: usize = 192;
+/// So many of them must deny a place before it counts as free: one may be a lost echo.
+const DENIALS: usize = 2;
 
 /// The memory.
 #[derive(Debug)]
 pub struct EchoMemory {
     spots: Vec<Spot>,
+    /// The last readings, in a ring.
+    recalled: Vec<Free>,
+    next: usize,
     config: MemoryConfig,
     cos_askance: f64,
     lost: u64,
@@ -149,7 +263,8 @@ impl EchoMemory {
     /// Empty, with all the room it will ever take.
     pub fn new(config: MemoryConfig) -> EchoMemory {
         let cos_askance = math::cos(config.denies_askance_rad);
-        EchoMemory { spots: Vec::with_capacity(config.capacity), config, cos_askance, lost: 0 }
+        let (spots, recalled) = (Vec::with_capacity(config.capacity), Vec::with_capacity(RECALLED));
+        EchoMemory { spots, recalled, next: 0, config, cos_askance, lost: 0 }
     }
 
     /// Number of spots.
@@ -165,6 +280,8 @@ impl EchoMemory {
     /// Forgets everything.
     pub fn clear(&mut self) {
         self.spots.clear();
+        self.recalled.clear();
+        self.next = 0;
     }
 
     /// Whether an echo of `beam` is among what the memory keeps.
@@ -181,10 +298,24 @@ impl EchoMemory {
     /// Takes in `beam` of `ranges`, fired at `time` when the body was at `place`.
     pub fn hear(&mut self, time: Time, place: &Place, ranges: &Ranges, beam: &Beam) {
         let Some(reading) = Reading::of(ranges, beam, place) else { return };
-        self.deny(&reading);
-        if let Some(distance_m) = reading.echo_m.filter(|&d| d <= self.config.keep_within_m) {
-            self.add_arc(time, &reading, distance_m);
+        let free = Free {
+            time,
+            x_m: reading.x_m,
+            y_m: reading.y_m,
+            axis_x: reading.axis_x,
+            axis_y: reading.axis_y,
+            cos_sure: math::cos(reading.half_width_rad * self.config.denies_within_share),
+            reach_m: reading.free_m * (1.0 - self.config.denies_beyond_share) - self.config.denies_beyond_m,
+        };
+        self.deny(&free);
+        match reading.echo {
+            Heard::At(distance_m) if distance_m <= self.config.keep_within_m => {
+                self.add_arc(time, &reading, distance_m);
+            }
+            Heard::Within(distance_m) => self.add_too_near(time, &reading, distance_m),
+            Heard::At(_) | Heard::Nothing => {}
         }
+        self.recall(free);
     }
 
     /// Forgets what is old, far away, or where the body stands.
@@ -194,7 +325,8 @@ impl EchoMemory {
             let (x_m, y_m) = place.inward(spot.x_m, spot.y_m);
             let under_body = x_m < body.ahead_m && x_m > -body.behind_m && y_m.abs() < body.half_width_m;
             let far = x_m * x_m + y_m * y_m > c.keep_within_m * c.keep_within_m;
-            !under_body && !far && now.since(spot.seen) <= c.keep_s
+            let keep_s = if spot.confirmations >= c.explains_from { c.keep_s } else { c.keep_unexplained_s };
+            !under_body && !far && now.since(spot.seen) <= keep_s
         });
     }
 
@@ -213,61 +345,146 @@ impl EchoMemory {
         }
     }
 
-    fn deny(&mut self, reading: &Reading) {
-        let c = &self.config;
-        let reach_m = reading.free_m - c.denies_beyond_m;
-        if reach_m <= 0.0 {
+    fn deny(&mut self, free: &Free) {
+        if free.reach_m <= 0.0 {
             return;
         }
-        let cos_sure = math::cos(reading.half_width_rad * c.denies_within_share);
         let cos_askance = self.cos_askance;
         self.spots.retain_mut(|spot| {
-            let (dx, dy) = (spot.x_m - reading.x_m, spot.y_m - reading.y_m);
-            let along = dx * reading.axis_x + dy * reading.axis_y;
-            if along <= 0.0 || along > reach_m {
-                return true;
-            }
-            let distance_m = math::hypot(dx, dy);
-            let denied = distance_m < reach_m
-                && along >= cos_sure * distance_m
-                && dx * spot.look_x + dy * spot.look_y >= cos_askance * distance_m;
-            if denied {
+            if free.denies(spot.x_m, spot.y_m, spot.look_x, spot.look_y, cos_askance) {
                 spot.confirmations -= 1;
             }
             spot.confirmations > 0
         });
     }
 
+    fn recall(&mut self, free: Free) {
+        if free.reach_m <= 0.0 {
+            return;
+        }
+        if self.recalled.len() < RECALLED {
+            self.recalled.push(free);
+        } else {
+            self.recalled[self.next] = free;
+        }
+        self.next = (self.next + 1) % RECALLED;
+    }
+
+    /// Whether earlier readings leave it open that something is at a new spot.
+    fn is_open(&self, new: &Spot) -> bool {
+        let denials = self
+            .recalled
+            .iter()
+            .filter(|free| new.seen.since(free.time) <= self.config.recall_s)
+            .filter(|free| free.denies(new.x_m, new.y_m, new.look_x, new.look_y, self.cos_askance))
+            .take(DENIALS)
+            .count();
+        denials < DENIALS
+    }
+
     fn add_arc(&mut self, time: Time, reading: &Reading, distance_m: f64) {
-        let width_rad = 2.0 * reading.half_width_rad;
-        let steps = (width_rad * distance_m / self.config.spacing_m).ceil().min(16.0);
-        let count = if steps > 0.0 { (steps as usize + 1).max(3) } else { 1 };
-        for k in 0..count {
-            let share = if count > 1 { k as f64 / (count - 1) as f64 - 0.5 } else { 0.0 };
-            let (sin, cos) = math::sin_cos(share * width_rad);
-            let look_x = cos * reading.axis_x - sin * reading.axis_y;
-            let look_y = sin * reading.axis_x + cos * reading.axis_y;
-            let (x_m, y_m) = (reading.x_m + distance_m * look_x, reading.y_m + distance_m * look_y);
-            self.add(Spot { x_m, y_m, look_x, look_y, seen: time, confirmations: 1 });
+        let c = self.config;
+        let arc = Arc::of(reading, distance_m);
+        let known = self.confirm(time, &arc);
+        let kept = |spot: &Spot| known.is_none_or(|known| near(known, (spot.x_m, spot.y_m), c.explained_within_m));
+        // Something is on the arc: where earlier readings leave none of it open, something has moved, and all counts.
+        let narrow =
+            distance_m <= c.near_m && self.along(time, &arc, reading).filter(kept).any(|spot| self.is_open(&spot));
+        for spot in self.along(time, &arc, reading).filter(kept) {
+            if !narrow || self.is_open(&spot) {
+                self.add(spot);
+            }
         }
     }
 
+    /// Something is within `distance_m`, nobody knows where: nothing can be confirmed or explained by that.
+    fn add_too_near(&mut self, time: Time, reading: &Reading, distance_m: f64) {
+        for share in [0.5, 1.0] {
+            let arc = Arc::of(reading, share * distance_m);
+            for spot in self.along(time, &arc, reading) {
+                self.add(spot);
+            }
+        }
+    }
+
+    /// Spots along an arc.
+    fn along(&self, time: Time, arc: &Arc, reading: &Reading) -> impl Iterator<Item = Spot> + use<> {
+        let arc = *arc;
+        let width_rad = 2.0 * reading.half_width_rad;
+        let length_m = width_rad * arc.radius_m;
+        let steps = (length_m / self.config.spacing_m).ceil().min(16.0);
+        let count = if length_m > self.config.same_within_m { (steps as usize + 1).max(3) } else { 1 };
+        (0..count).map(move |k| {
+            let share = if count > 1 { k as f64 / (count - 1) as f64 - 0.5 } else { 0.0 };
+            let (sin, cos) = math::sin_cos(share * width_rad);
+            let look_x = cos * arc.axis_x - sin * arc.axis_y;
+            let look_y = sin * arc.axis_x + cos * arc.axis_y;
+            let (x_m, y_m) = (arc.x_m + arc.radius_m * look_x, arc.y_m + arc.radius_m * look_y);
+            Spot { x_m, y_m, look_x, look_y, arc, seen: time, confirmations: 1 }
+        })
+    }
+
+    /// Confirms every spot on an arc; answers the best one that explains it.
+    fn confirm(&mut self, time: Time, arc: &Arc) -> Option<(f64, f64)> {
+        let c = self.config;
+        let mut best: Option<(u8, f64, f64)> = None;
+        let mut grown = None;
+        for spot in self.spots.iter_mut().filter(|spot| arc.meets(spot.x_m, spot.y_m, c.on_arc_within_m)) {
+            let away_m = math::hypot(spot.x_m - arc.x_m, spot.y_m - arc.y_m).max(1e-6);
+            (spot.look_x, spot.look_y) = ((spot.x_m - arc.x_m) / away_m, (spot.y_m - arc.y_m) / away_m);
+            spot.seen = time;
+            let moved = !near((spot.arc.x_m, spot.arc.y_m), (arc.x_m, arc.y_m), c.confirmed_from_m);
+            if moved && spot.confirmations < c.most_confirmations {
+                spot.arc = *arc;
+                spot.confirmations += 1;
+                if spot.confirmations == c.explains_from {
+                    grown = Some((spot.x_m, spot.y_m));
+                }
+            }
+            if spot.confirmations >= c.explains_from && best.is_none_or(|(most, ..)| spot.confirmations > most) {
+                best = Some((spot.confirmations, spot.x_m, spot.y_m));
+            }
+        }
+        if let Some(at) = grown {
+            // What came of earlier arcs through it is explained now, too.
+            self.spots.retain(|spot| {
+                spot.confirmations >= c.explains_from
+                    || near(at, (spot.x_m, spot.y_m), c.explained_within_m)
+                    || !spot.arc.meets(at.0, at.1, c.on_arc_within_m)
+            });
+        }
+        best.map(|(_, x_m, y_m)| (x_m, y_m))
+    }
+
     fn add(&mut self, new: Spot) {
-        let same_sq = self.config.same_within_m * self.config.same_within_m;
-        let near = |old: &&mut Spot| {
-            let (dx, dy) = (old.x_m - new.x_m, old.y_m - new.y_m);
-            // Spots of one reading do not confirm each other.
-            dx * dx + dy * dy <= same_sq && old.seen != new.seen
-        };
-        if let Some(old) = self.spots.iter_mut().find(near) {
-            let confirmations = (old.confirmations + 1).min(self.config.most_confirmations);
-            *old = Spot { confirmations, ..new };
-        } else if self.spots.len() < self.spots.capacity() {
+        let within_m = self.config.same_within_m;
+        let same = |old: &&mut Spot| near((old.x_m, old.y_m), (new.x_m, new.y_m), within_m);
+        if let Some(old) = self.spots.iter_mut().find(same) {
+            // The place stays: the false end of an arc that moves along with the body must not carry its spot along.
+            old.seen = new.seen;
+            return;
+        }
+        if self.spots.len() < self.spots.capacity() {
             self.spots.push(new);
         } else {
             self.lost += 1;
         }
     }
+}
+
+fn near(a: (f64, f64), b: (f64, f64), within_m: f64) -> bool {
+    let (dx, dy) = (a.0 - b.0, a.1 - b.1);
+    dx * dx + dy * dy <= within_m * within_m
+}
+
+/// What a beam heard.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Heard {
+    Nothing,
+    /// Something at this distance [m].
+    At(f64),
+    /// Something nearer than can be measured, which is this [m].
+    Within(f64),
 }
 
 /// A beam in the odometry frame.
@@ -277,8 +494,7 @@ struct Reading {
     axis_x: f64,
     axis_y: f64,
     half_width_rad: f64,
-    /// Where the echo came from, if there was one.
-    echo_m: Option<f64>,
+    echo: Heard,
     /// Nothing is nearer than this.
     free_m: f64,
 }
@@ -287,16 +503,18 @@ impl Reading {
     fn of(ranges: &Ranges, beam: &Beam, place: &Place) -> Option<Reading> {
         let (min_m, max_m) = (f64::from(ranges.min_range_m), f64::from(ranges.max_range_m));
         let range_m = f64::from(beam.range_m);
-        let (echo_m, free_m) = match beam.echo {
-            e if e == Echo::Value as u32 && range_m >= 0.0 => (Some(range_m), range_m),
-            e if e == Echo::TooNear as u32 => (Some(min_m), 0.0),
-            e if e == Echo::Clear as u32 => (None, max_m),
+        let (echo, free_m) = match beam.echo {
+            e if e == Echo::TooNear as u32 || (e == Echo::Value as u32 && range_m < min_m + TOO_NEAR_M) => {
+                (Heard::Within(min_m), 0.0)
+            }
+            e if e == Echo::Value as u32 && range_m >= 0.0 => (Heard::At(range_m), range_m),
+            e if e == Echo::Clear as u32 => (Heard::Nothing, max_m),
             _ => return None,
         };
         let (origin_x, origin_y) = (f64::from(beam.origin_x_m), f64::from(beam.origin_y_m));
         let half_width_rad = 0.5 * f64::from(ranges.beam_width_rad);
-        let numbers = [origin_x, origin_y, f64::from(beam.bearing_rad), half_width_rad, free_m];
-        if !numbers.iter().all(|n| n.is_finite()) || echo_m.is_some_and(|m| !m.is_finite()) {
+        let numbers = [origin_x, origin_y, f64::from(beam.bearing_rad), half_width_rad, free_m, min_m];
+        if !numbers.iter().all(|n| n.is_finite()) {
             return None;
         }
         let (x_m, y_m) = place.out(origin_x, origin_y);
@@ -307,7 +525,7 @@ impl Reading {
             axis_x: place.cos * cos - place.sin * sin,
             axis_y: place.sin * cos + place.cos * sin,
             half_width_rad,
-            echo_m,
+            echo,
             free_m,
         })
     }
@@ -375,15 +593,48 @@ mod tests {
     fn a_confirmed_spot_needs_to_be_denied_as_often() {
         let mut memory = memory();
         let laser = Ranges { beam_width_rad: 0.02, ..RANGES };
-        for k in 0..9 {
-            memory.hear(Time::from_nanos(k), &home(), &laser, &beam(0.0, 0.6, Echo::Value));
+        for k in 0..9_u32 {
+            let x_m = 0.04 * f64::from(k);
+            let place = Place::new(x_m, 0.0, 0.0);
+            memory.hear(Time::from_nanos(u64::from(k)), &place, &laser, &beam(0.0, (0.6 - x_m) as f32, Echo::Value));
         }
         let centre = |memory: &EchoMemory| beams_at(memory, &home()).iter().any(|b| b.bearing_rad.abs() < 1e-3);
-        memory.hear(Time::ZERO, &home(), &laser, &beam(0.0, 0.0, Echo::Clear));
-        memory.hear(Time::ZERO, &home(), &laser, &beam(0.0, 0.0, Echo::Clear));
+        for _ in 0..3 {
+            memory.hear(Time::ZERO, &home(), &laser, &beam(0.0, 0.0, Echo::Clear));
+        }
         assert!(centre(&memory));
         memory.hear(Time::ZERO, &home(), &laser, &beam(0.0, 0.0, Echo::Clear));
         assert!(!centre(&memory));
+    }
+
+    #[test]
+    fn a_body_at_rest_confirms_nothing() {
+        let mut memory = memory();
+        let laser = Ranges { beam_width_rad: 0.0, ..RANGES };
+        for k in 0..9 {
+            memory.hear(Time::from_nanos(k), &home(), &laser, &beam(0.0, 0.6, Echo::Value));
+        }
+        memory.hear(Time::ZERO, &home(), &RANGES, &beam(0.0, 0.0, Echo::Clear));
+        assert!(memory.is_empty());
+    }
+
+    #[test]
+    fn arcs_that_cross_at_a_jamb_leave_the_door_beside_it_open() {
+        let mut memory = memory();
+        // A jamb at (1, 0.25), heard by a disc that looks 30° to the left while the body moves on.
+        let jamb_from = |x_m: f64| math::hypot(1.0 - x_m, 0.25);
+        for k in 0..12_u32 {
+            let x_m = 0.3 + 0.025 * f64::from(k);
+            let place = Place::new(x_m, 0.0, 0.0);
+            let heard = beam(0.52, jamb_from(x_m) as f32, Echo::Value);
+            memory.hear(Time::from_nanos(u64::from(k)), &place, &RANGES, &heard);
+        }
+        // The last arc's inner end lies 15° to the left, in the door: it is not among the spots.
+        let last = Place::new(0.575, 0.0, 0.0);
+        let fresh: Vec<Beam> =
+            beams_at(&memory, &last).into_iter().filter(|b| (b.range_m - 0.493).abs() < 0.01).collect();
+        assert!(fresh.iter().any(|b| (b.bearing_rad - 0.532).abs() < 0.06), "the jamb is there");
+        assert!(fresh.iter().all(|b| b.bearing_rad > 0.4), "its false images are not: {fresh:?}");
     }
 
     #[test]
@@ -408,12 +659,23 @@ mod tests {
             memory
         };
         let mut kept = fill();
-        kept.tidy(Time::from_seconds(9.0), &home(), &BODY);
+        kept.tidy(Time::from_seconds(4.0), &home(), &BODY);
         assert_eq!(kept.len(), 1);
-        for (s, place) in [(0.0, Place::new(0.5, 0.0, 0.0)), (11.0, home()), (0.0, Place::new(-1.0, 0.0, 0.0))] {
+        for (s, place) in [(0.0, Place::new(0.5, 0.0, 0.0)), (6.0, home()), (0.0, Place::new(-1.0, 0.0, 0.0))] {
             let mut memory = fill();
             memory.tidy(Time::from_seconds(s), &place, &BODY);
             assert!(memory.is_empty());
+        }
+    }
+
+    #[test]
+    fn what_is_nearer_than_can_be_measured_is_taken_to_be_very_near() {
+        for too_near in [beam(0.0, 0.0, Echo::TooNear), beam(0.0, 0.1, Echo::Value)] {
+            let mut memory = memory();
+            memory.hear(Time::ZERO, &home(), &RANGES, &too_near);
+            assert!(beams_at(&memory, &home()).iter().any(|b| (b.range_m - 0.05).abs() < 1e-6));
+            assert!(beams_at(&memory, &home()).iter().any(|b| (b.range_m - 0.1).abs() < 1e-6));
+            assert!(!memory.is_empty());
         }
     }
 
