@@ -342,6 +342,11 @@ impl NodeThread {
                 None => eprintln!("{}: fault is over", self.instance),
             }
         }
+        if let Some(output) = self.running.opened.ports.outputs().iter().find(|output| output.lost.get()) {
+            // A successor writes here now, or the file is damaged: this process has nothing left to do.
+            eprintln!("{}: {} is no longer this process's to write; stopping", self.instance, output.path);
+            sys::request_stop();
+        }
         if now.since(self.rebind) < REBIND_S {
             return false;
         }

@@ -61,7 +61,9 @@ pub fn run(args: Args, types: &[NodeType]) -> Result<(), Failure> {
     let over = || supervising.is_finished();
     let face = view::Face::choose(args.json, args.plain);
     let shown = view::show(face, &robot, &root, inbox, until, &stop, &over);
-    stop.stop();
+    if shown.is_err() {
+        stop.stop();
+    }
     let outcome = supervising.join().map_err(|_| Failure::from("the supervisor's thread panicked"))?;
     let outcome = outcome.map_err(|e| Failure::new(code_of(&e), e.to_string()))?;
     let seen = shown?;

@@ -36,10 +36,15 @@ impl Source {
                 if self.ring.is_none() && self.read_to == 0 {
                     self.read_to = ring.head();
                 }
+                // A channel that was removed and made anew counts from 1 again.
+                let head = ring.head();
+                self.read_to = self.read_to.min(head);
+                self.released = self.released.min(head);
                 self.ring = Some(ring);
                 Ok(())
             }
-            Err(ChannelError::Missing { .. }) => {
+            // Not there yet, gone, or damaged: its writer's restart makes it anew.
+            Err(ChannelError::Missing { .. } | ChannelError::NotAChannel { .. }) => {
                 self.ring = None;
                 self.frozen = 0;
                 Ok(())

@@ -356,6 +356,7 @@ impl Output {
             },
             writer: std::cell::RefCell::new(None),
             cut: Cell::new(0),
+            lost: Cell::new(false),
         }
     }
 }

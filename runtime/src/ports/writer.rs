@@ -15,6 +15,8 @@ pub(crate) struct Output {
     pub(crate) writer: RefCell<Option<RawWriter>>,
     /// Samples whose tail was longer than the channel's capacity.
     pub(crate) cut: Cell<u64>,
+    /// The path has been taken over or damaged: nobody reads what is written here any more.
+    pub(crate) lost: Cell<bool>,
 }
 
 impl Output {
@@ -47,6 +49,9 @@ impl<M: Message> Writer<M> {
     pub fn write_with_tail(&mut self, stamp: Time, message: &M, tail: &[M::Tail]) {
         if let Some(writer) = self.output.writer.borrow_mut().as_mut() {
             let published = writer.publish(stamp.nanos(), bytemuck::bytes_of(message), bytemuck::cast_slice(tail));
+            if published.lost {
+                self.output.lost.set(true);
+            }
             if published.cut {
                 self.output.cut.set(self.output.cut.get() + 1);
             }
