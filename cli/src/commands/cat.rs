@@ -194,7 +194,9 @@ fn bare(value: &Value) -> String {
     match value {
         Value::String(word) => word.clone(),
         Value::Array(items) => items.iter().map(bare).collect::<Vec<_>>().join(" "),
-        Value::Number(n) if n.is_f64() && n.as_f64().is_some_and(|f| f.abs() >= 1e15) => number(n.as_f64().unwrap_or(0.0)),
+        Value::Number(n) if n.is_f64() && n.as_f64().is_some_and(|f| f.abs() >= 1e15) => {
+            number(n.as_f64().unwrap_or(0.0))
+        }
         other => other.to_string(),
     }
 }

@@ -29,7 +29,10 @@ pub fn run(args: Args) -> Result<(), Failure> {
         ControlError::NotRunning(_) => Failure::new(NOT_RUNNING, left_over(&robot)),
         ControlError::TimedOut(..) => Failure::new(
             FAILED,
-            format!("robot \"{}\" is still stopping after {}: `sinew logs` may say what holds it", robot.name, args.timeout),
+            format!(
+                "robot \"{}\" is still stopping after {}: `sinew logs` may say what holds it",
+                robot.name, args.timeout
+            ),
         ),
         e => Failure::from(e),
     })?;
@@ -46,7 +49,10 @@ fn left_over(robot: &live::LiveRobot) -> String {
     let folder = robot.folder.display();
     let end = format!("`sinew run` of a robot of this name removes them, or: rm -r {folder}");
     match live::runs(&robot.folder) {
-        true => format!("robot \"{}\" runs without a supervisor (a node started by hand?): end its writers, see `sinew ls`", robot.name),
+        true => format!(
+            "robot \"{}\" runs without a supervisor (a node started by hand?): end its writers, see `sinew ls`",
+            robot.name
+        ),
         false => format!("robot \"{}\" does not run; {folder} holds its leftovers: {end}", robot.name),
     }
 }

@@ -47,7 +47,8 @@ pub fn command_line() -> clap::Command {
     let _ = write!(text, "\n{BOLD}First steps{PLAIN}\n{FIRST_STEPS}\n");
     let _ = write!(text, "\n{BOLD}Exit codes{PLAIN}\n{EXIT_CODES}\n");
     let _ = write!(text, "\n{BOLD}Environment{PLAIN}\n{ENVIRONMENT}\n");
-    let _ = write!(text, "\n{DIM}`sinew COMMAND --help` tells more about a command. Reading commands take --json.{PLAIN}");
+    let _ =
+        write!(text, "\n{DIM}`sinew COMMAND --help` tells more about a command. Reading commands take --json.{PLAIN}");
     CommandLine::command().help_template(text)
 }
 

@@ -65,7 +65,10 @@ pub fn run(args: Args) -> Result<(), Failure> {
         }
     }
     out.flush()?;
-    while args.follow {
+    if !args.follow {
+        return Ok(());
+    }
+    loop {
         for (number, log) in logs.iter_mut().enumerate() {
             for line in log.new_lines() {
                 print(&mut out, number, &log.node, &line)?;
@@ -74,7 +77,6 @@ pub fn run(args: Args) -> Result<(), Failure> {
         out.flush()?;
         clock::sleep_s(POLL_S);
     }
-    Ok(())
 }
 
 fn prefixed(paint: Paint, number: usize, node: &str, widest: usize, line: &str) -> String {
@@ -244,7 +246,8 @@ mod tests {
         let folder = folder_of("previous");
         std::fs::write(folder.join("base.log"), "now\n").unwrap();
         std::fs::write(folder.join("base.previous.log"), "before\n").unwrap();
-        let names = |previous| find(&folder, None, previous).unwrap().iter().map(|l| l.node.clone()).collect::<Vec<_>>();
+        let names =
+            |previous| find(&folder, None, previous).unwrap().iter().map(|l| l.node.clone()).collect::<Vec<_>>();
         assert_eq!(names(false), ["base"]);
         assert_eq!(names(true), ["base"]);
         assert_eq!(find(&folder, Some("base"), true).unwrap()[0].last_lines(5).ok(), Some(vec!["before".to_owned()]));

@@ -87,7 +87,8 @@ fn matching(paths: &[String], pattern: Option<&str>) -> Result<Vec<String>, Fail
     let Some(pattern) = pattern else { return Ok(paths.to_vec()) };
     let plain = pattern.trim_end_matches('/');
     if !plain.chars().all(|c| c.is_ascii_alphanumeric() || "/_-.*".contains(c)) {
-        let text = format!("\"{pattern}\" is no pattern: write /layer, /layer/node, /layer/*/port or a word of the path");
+        let text =
+            format!("\"{pattern}\" is no pattern: write /layer, /layer/node, /layer/*/port or a word of the path");
         return Err(Failure::new(USAGE, text));
     }
     let parts: Vec<&str> = plain.trim_start_matches('/').split('/').collect();
@@ -95,7 +96,9 @@ fn matching(paths: &[String], pattern: Option<&str>) -> Result<Vec<String>, Fail
     let fits = |path: &String| {
         let of_path: Vec<&str> = path.trim_start_matches('/').split('/').collect();
         match absolute {
-            true => parts == [""] || parts.len() <= of_path.len() && parts.iter().zip(&of_path).all(|(p, q)| like(p, q)),
+            true => {
+                parts == [""] || parts.len() <= of_path.len() && parts.iter().zip(&of_path).all(|(p, q)| like(p, q))
+            }
             false => path.contains(plain),
         }
     };
@@ -112,9 +115,9 @@ fn in_flow_order(mut paths: Vec<String>) -> Vec<String> {
 fn like(pattern: &str, part: &str) -> bool {
     match pattern.split_once('*') {
         None => pattern == part,
-        Some((before, after)) => part.strip_prefix(before).is_some_and(|rest| {
-            (0..=rest.len()).any(|from| rest.is_char_boundary(from) && like(after, &rest[from..]))
-        }),
+        Some((before, after)) => part
+            .strip_prefix(before)
+            .is_some_and(|rest| (0..=rest.len()).any(|from| rest.is_char_boundary(from) && like(after, &rest[from..]))),
     }
 }
 
@@ -317,15 +320,23 @@ mod tests {
 
     #[test]
     fn the_tree_shows_layers_nodes_and_ports() {
-        let all = ["/actions/forward/proposal", "/drivers/base/odometry", "/drivers/base/sonar", "/drivers/laser/ranges"];
+        let all =
+            ["/actions/forward/proposal", "/drivers/base/odometry", "/drivers/base/sonar", "/drivers/laser/ranges"];
         let all: Vec<Listed> = all.iter().map(|path| listed(path, Some(0.05))).collect();
         let lines = tree_lines(&all, Paint::OFF);
         let starts: Vec<&str> = lines.iter().map(|line| line.split("  Ranges").next().unwrap().trim_end()).collect();
         assert_eq!(
             starts,
             [
-                "actions", "└─ forward", "   └─ proposal", "drivers", "├─ base", "│  ├─ odometry", "│  └─ sonar",
-                "└─ laser", "   └─ ranges"
+                "actions",
+                "└─ forward",
+                "   └─ proposal",
+                "drivers",
+                "├─ base",
+                "│  ├─ odometry",
+                "│  └─ sonar",
+                "└─ laser",
+                "   └─ ranges"
             ]
         );
     }

@@ -145,7 +145,8 @@ mod tests {
 
     #[test]
     fn a_long_array_leaves_the_other_units_where_they_are() {
-        let odometry = Odometry { pose_covariance: [0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9], ..Odometry::default() };
+        let odometry =
+            Odometry { pose_covariance: [0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9], ..Odometry::default() };
         let lines = message_lines(&Odometry::schema(), &to_json_value(&odometry, &[]), Paint::OFF);
         assert!(lines[0].starts_with("  x_m ") && lines[0].ends_with("  m"), "{}", lines[0]);
         assert!(lines[0].chars().count() < 50, "{}", lines[0]);

@@ -7,7 +7,7 @@ pub fn number(value: f64) -> String {
         _ if value.is_nan() => "nan".into(),
         _ if value.is_infinite() => if value > 0.0 { "inf" } else { "-inf" }.into(),
         0.0 => "0".into(),
-        _ if size < 1e-3 || size >= 1e7 => format!("{value:.2e}"),
+        _ if !(1e-3..1e7).contains(&size) => format!("{value:.2e}"),
         _ if value == value.trunc() => format!("{value:.0}"),
         _ if size < 10.0 => format!("{value:.4}"),
         _ if size < 1000.0 => format!("{value:.3}"),

@@ -21,7 +21,8 @@ pub fn status(picture: &Picture, nodes: &Nodes) -> String {
         0 => String::new(),
         restarts => format!("  restarts {restarts}"),
     };
-    let stop = picture.motion.as_ref().and_then(stop_reason).map(|reason| format!("  held: {reason}")).unwrap_or_default();
+    let stop =
+        picture.motion.as_ref().and_then(stop_reason).map(|reason| format!("  held: {reason}")).unwrap_or_default();
     format!(
         "{}  x {:6.2}  y {:6.2} m  {:4.0}°  {}  {battery}{contacts}  nodes {}/{}{restarts}{stop}",
         clock(picture.watched_s),

@@ -225,7 +225,8 @@ mod tests {
         let reach = |picture: &Picture| {
             let map = Map { world: None, body: &body, picture, track: &[], beams: false };
             let lines = drawn(&map, 40, 20);
-            let columns = || lines.iter().flat_map(|line| line.chars().enumerate()).filter(|(_, c)| *c != ' ' && *c != '⠀');
+            let columns =
+                || lines.iter().flat_map(|line| line.chars().enumerate()).filter(|(_, c)| *c != ' ' && *c != '⠀');
             let first = columns().map(|(column, _)| column).min().unwrap();
             let last = columns().map(|(column, _)| column).max().unwrap();
             (20 - first, last - 19)
@@ -239,11 +240,11 @@ mod tests {
         use simulator::geometry::Segment;
         use simulator::world::Wall;
         let corners = [Point::new(0.0, 0.0), Point::new(8.0, 0.0), Point::new(8.0, 8.0), Point::new(0.0, 8.0)];
-        let walls: Vec<Wall> = (0..4)
-            .map(|k| Wall { segment: Segment::new(corners[k], corners[(k + 1) % 4]), rough: false })
-            .collect();
+        let walls: Vec<Wall> =
+            (0..4).map(|k| Wall { segment: Segment::new(corners[k], corners[(k + 1) % 4]), rough: false }).collect();
         let (world, body, picture) = (World::of(&walls, &[]), Body::default(), Picture::default());
-        let lines = drawn(&Map { world: Some(&world), body: &body, picture: &picture, track: &[], beams: true }, 30, 15);
+        let lines =
+            drawn(&Map { world: Some(&world), body: &body, picture: &picture, track: &[], beams: true }, 30, 15);
         let blank = |line: &String| line.chars().all(|c| c == ' ' || c == '⠀');
         assert!(!blank(&lines[0]) && !blank(&lines[14]), "{lines:#?}");
         let middle: Vec<char> = lines[7].chars().filter(|c| *c != ' ' && *c != '⠀').collect();

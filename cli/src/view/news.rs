@@ -32,7 +32,9 @@ impl News {
     pub fn of(report: Report<'_>) -> News {
         match report {
             Report::Note(text) => News::Note(text.to_owned()),
-            Report::Started { instance, pid, restarts } => News::Started { instance: instance.to_owned(), pid, restarts },
+            Report::Started { instance, pid, restarts } => {
+                News::Started { instance: instance.to_owned(), pid, restarts }
+            }
             Report::Ready { instance } => News::Ready { instance: instance.to_owned() },
             Report::Incident(record) => News::Incident(Box::new(record.clone())),
             Report::Robot(state) => News::Robot(state),

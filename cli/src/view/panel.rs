@@ -37,7 +37,8 @@ pub fn state(picture: &Picture) -> Vec<Line<'static>> {
     let velocity = picture.velocity();
     let speed = velocity.map_or(f64::NAN, |velocity| velocity.linear_x_m_s);
     let turn = velocity.map_or("    -".into(), |velocity| format!("{:5.0}", velocity.angular_z_rad_s.to_degrees()));
-    let mut lines = vec![row("speed", vec![Span::styled(metres_per_second(speed), BOLD), Span::raw(format!("  turn {turn} °/s"))])];
+    let mut lines =
+        vec![row("speed", vec![Span::styled(metres_per_second(speed), BOLD), Span::raw(format!("  turn {turn} °/s"))])];
     lines.push(row("battery", battery(picture)));
     let motion = match picture.motion.as_ref().map(stop_reason) {
         None => Span::styled("nothing heard of it", DIM),
@@ -50,7 +51,10 @@ pub fn state(picture: &Picture) -> Vec<Line<'static>> {
         let style = if drove + reversed > 0 { BAD } else { GOOD };
         let contacts = Span::styled(format!("{} caused", drove + reversed), style);
         lines.push(row("contacts", vec![contacts, Span::raw(format!("  {suffered} suffered"))]));
-        lines.push(row("way", vec![Span::raw(format!("{:.1} m  clearance {:.2} m", truth.distance_m, truth.clearance_m))]));
+        lines.push(row(
+            "way",
+            vec![Span::raw(format!("{:.1} m  clearance {:.2} m", truth.distance_m, truth.clearance_m))],
+        ));
     } else if let Some(odometry) = picture.odometry {
         let heading = odometry.heading_rad.to_degrees();
         lines.push(row("pose", vec![Span::raw(format!("{:.2} {:.2} m {heading:.0}°", odometry.x_m, odometry.y_m))]));

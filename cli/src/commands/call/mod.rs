@@ -129,7 +129,9 @@ fn give(
         false => Some(client.describe_command(command).map_err(|e| unknown(client, node, command, e))?),
     };
     let (layout_hash, body) = match &described {
-        Some(described) => (described.request.hash, request::body(&schema(&described.request)?, &args.message, node, command)?),
+        Some(described) => {
+            (described.request.hash, request::body(&schema(&described.request)?, &args.message, node, command)?)
+        }
         None if args.message.is_empty() => (0, Vec::new()),
         None => return Err(Failure::new(USAGE, format!("\"{command}\" takes no message"))),
     };
@@ -184,7 +186,8 @@ fn said(update: Update<'_>, schema: Option<&Schema>, json: bool, paint: Paint) -
 }
 
 fn in_one_line(schema: &Schema, message: &Value) -> String {
-    let one = |line: crate::output::FieldLine| format!("{} {} {}", line.name, line.value, line.unit).trim_end().to_owned();
+    let one =
+        |line: crate::output::FieldLine| format!("{} {} {}", line.name, line.value, line.unit).trim_end().to_owned();
     crate::output::field_lines(schema, message).into_iter().map(one).collect::<Vec<_>>().join("  ")
 }
 

@@ -150,10 +150,7 @@ mod tests {
         let mut object = Map::new();
         put(&mut object, "velocity.linear_x_m_s", scalar("0.5"));
         put(&mut object, "velocity.linear_y_m_s", scalar("true"));
-        assert_eq!(
-            in_numbers(Value::Object(object)),
-            json!({"velocity": {"linear_x_m_s": 0.5, "linear_y_m_s": 1}})
-        );
+        assert_eq!(in_numbers(Value::Object(object)), json!({"velocity": {"linear_x_m_s": 0.5, "linear_y_m_s": 1}}));
         assert_eq!(in_numbers(json!([true, false])), json!([1, 0]));
     }
 

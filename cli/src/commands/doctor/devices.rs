@@ -23,7 +23,10 @@ pub fn look(machine: &Machine) -> Vec<Finding> {
 /// USB serial ports; built-in ones are mostly not there even where the kernel lists them.
 fn ports(machine: &Machine) -> Vec<String> {
     let names = machine.names("/dev").into_iter();
-    names.filter(|name| name.starts_with("ttyUSB") || name.starts_with("ttyACM")).map(|name| format!("/dev/{name}")).collect()
+    names
+        .filter(|name| name.starts_with("ttyUSB") || name.starts_with("ttyACM"))
+        .map(|name| format!("/dev/{name}"))
+        .collect()
 }
 
 /// The name that stays when the port is plugged in elsewhere.

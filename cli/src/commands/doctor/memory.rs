@@ -107,9 +107,13 @@ fn remove_ipc(machine: &Machine, uid: u32) -> Finding {
     if uid < 1000 {
         return Finding::ok(name, format!("user {uid} is a system user: systemd leaves its files alone"));
     }
-    let drop_ins = machine.names("/etc/systemd/logind.conf.d").into_iter().map(|f| format!("/etc/systemd/logind.conf.d/{f}"));
+    let drop_ins =
+        machine.names("/etc/systemd/logind.conf.d").into_iter().map(|f| format!("/etc/systemd/logind.conf.d/{f}"));
     let files = std::iter::once("/etc/systemd/logind.conf".to_owned()).chain(drop_ins);
-    let lines: Vec<String> = files.filter_map(|file| machine.text(&file)).flat_map(|text| text.lines().map(str::to_owned).collect::<Vec<_>>()).collect();
+    let lines: Vec<String> = files
+        .filter_map(|file| machine.text(&file))
+        .flat_map(|text| text.lines().map(str::to_owned).collect::<Vec<_>>())
+        .collect();
     let set = lines.iter().rev().find_map(|line| line.trim().strip_prefix("RemoveIPC=").map(str::to_owned));
     match set.as_deref() {
         Some("no" | "false" | "0" | "off") => Finding::ok(name, "off: channels survive a log-out"),

@@ -115,7 +115,8 @@ mod tests {
 
     #[test]
     fn every_ailment_stands_with_its_remedy_below_it() {
-        let findings = vec![Finding::ok("kernel", "Linux 6.1"), Finding::warn("memlock", "64 KiB", "raise it\nlog in anew")];
+        let findings =
+            vec![Finding::ok("kernel", "Linux 6.1"), Finding::warn("memlock", "64 KiB", "raise it\nlog in anew")];
         assert_eq!(
             report(&[("memory", findings)], Paint::OFF),
             [

@@ -70,7 +70,10 @@ fn throttling(machine: &Machine) -> Option<Finding> {
     Some(match runtime_us {
         0 => Finding::warn(name, "real-time threads get no time at all", "sysctl kernel.sched_rt_runtime_us=950000"),
         -1 => Finding::ok(name, "off: a runaway node can shut out everything else; runaway_ms in [realtime] ends it"),
-        _ => Finding::ok(name, format!("real-time threads get {} % of a processor at most", 100 * runtime_us / period_us.max(1))),
+        _ => Finding::ok(
+            name,
+            format!("real-time threads get {} % of a processor at most", 100 * runtime_us / period_us.max(1)),
+        ),
     })
 }
 

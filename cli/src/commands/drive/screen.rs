@@ -138,7 +138,8 @@ fn draw(frame: &mut Frame<'_>, watch: &Watch, way: Way, wanted: Option<Wish>, li
     let centre = picture.pose.unwrap_or_default().place();
     map.render(frame, left, Extent::around(centre, AROUND_M, left));
     let bold = Style::new().add_modifier(Modifier::BOLD);
-    let mut lines = vec![Line::from(vec![Span::styled("driving ", bold), Span::raw(picture.name.clone())]), Line::default()];
+    let mut lines =
+        vec![Line::from(vec![Span::styled("driving ", bold), Span::raw(picture.name.clone())]), Line::default()];
     lines.extend(wishes(wanted, limits, share));
     lines.push(Line::default());
     lines.extend(panel::state(picture));
@@ -165,7 +166,10 @@ fn wishes(wanted: Option<Wish>, limits: Limits, share: f64) -> Vec<Line<'static>
     vec![
         row("forward", forward_m_s, limits.forward_m_s, "m/s"),
         row("turn", turn_rad_s, limits.turn_rad_s, "rad/s"),
-        Line::styled(format!("{:<8}{:.0} % of {:.2} m/s", "speed", 100.0 * share, limits.forward_m_s), Style::new().fg(Color::DarkGray)),
+        Line::styled(
+            format!("{:<8}{:.0} % of {:.2} m/s", "speed", 100.0 * share, limits.forward_m_s),
+            Style::new().fg(Color::DarkGray),
+        ),
     ]
 }
 

@@ -16,7 +16,8 @@ pub fn graphviz(robot: &Robot, graph: &Graph) -> String {
         if nodes.is_empty() {
             continue;
         }
-        let _ = writeln!(text, "  subgraph cluster_{layer} {{\n    label=\"{layer}\"; style=filled; color=\"#eef2f5\";");
+        let _ =
+            writeln!(text, "  subgraph cluster_{layer} {{\n    label=\"{layer}\"; style=filled; color=\"#eef2f5\";");
         for node in nodes {
             let spec = &node.spec;
             let label = format!("{}\\n{} · {}", spec.instance, spec.kind.name, released_by(spec));

@@ -46,7 +46,8 @@ pub fn draw(robot: &Robot, graph: &Graph, paint: Paint) -> Vec<String> {
     let mut lines = vec![format!("{}{}", paint.strong(&robot.name), paint.dim(description)), String::new()];
     for (index, row) in rows.iter().enumerate() {
         let plain = text(row, ports, Paint::OFF, &lanes).chars().count();
-        let line = text(row, ports, paint, &lanes) + &" ".repeat(width - plain) + &line_of_lanes(&lanes, index, row, paint);
+        let line =
+            text(row, ports, paint, &lanes) + &" ".repeat(width - plain) + &line_of_lanes(&lanes, index, row, paint);
         lines.push(line.trim_end().to_owned());
     }
     lines.push(String::new());
@@ -81,7 +82,10 @@ fn lanes(rows: &[Row]) -> Vec<Lane> {
         let (placed, rest) = lanes.split_at_mut(index);
         let lane = &mut rest[0];
         let free = |column: usize| {
-            placed.iter().filter(|other| other.column == column).all(|other| other.last() < lane.first() || other.first() > lane.last())
+            placed
+                .iter()
+                .filter(|other| other.column == column)
+                .all(|other| other.last() < lane.first() || other.first() > lane.last())
         };
         lane.column = (0..=index).find(|column| free(*column)).unwrap_or(index);
     }
@@ -120,9 +124,8 @@ fn line_of_lanes(lanes: &[Lane], index: usize, row: &Row, paint: Paint) -> Strin
     let attached = |lane: &&Lane| lane.rows.contains(&index);
     let far = lanes.iter().filter(attached).map(|lane| lane.column).max();
     let columns = lanes.iter().map(|lane| lane.column + 1).max().unwrap_or(0);
-    let numbered = |column: usize| {
-        lanes.iter().enumerate().find(|(_, lane)| lane.column == column && lane.covers(index))
-    };
+    let numbered =
+        |column: usize| lanes.iter().enumerate().find(|(_, lane)| lane.column == column && lane.covers(index));
     // The horizontal line has the colour of the lane that it comes from or goes to.
     let owner = lanes.iter().position(|lane| lane.rows.contains(&index)).unwrap_or(0);
     let head = match (row, far) {

@@ -58,9 +58,10 @@ pub fn as_json(robot: &Robot, graph: &Graph) -> Value {
                 "depth": written.geometry.depth,
             })
         });
-        let reads = spec.reads.iter().map(|(port, wire)| {
-            json!({"port": port, "from": wire.from, "max_age_ms": wire.max_age_ns as f64 * 1e-6})
-        });
+        let reads = spec
+            .reads
+            .iter()
+            .map(|(port, wire)| json!({"port": port, "from": wire.from, "max_age_ms": wire.max_age_ns as f64 * 1e-6}));
         json!({
             "path": spec.path(),
             "type": spec.kind.name,

@@ -1,0 +1,110 @@
+//! Commands about robot files, arguments, and the machine.
+
+use crate::place::Place;
+
+fn robot_file(place: &Place, name: &str, text: &str) -> String {
+    std::fs::create_dir_all(&place.root).unwrap();
+    let file = place.root.join(name);
+    std::fs::write(&file, text).unwrap();
+    file.display().to_string()
+}
+
+#[test]
+fn the_built_in_robot_is_sound() {
+    let place = Place::new("check");
+    let said = place.sinew(&["check"]);
+    assert_eq!(said.code, Some(0), "{said:?}");
+    assert!(said.out.contains("/drivers/base") && said.out.contains("ok: pioneer"), "{said:?}");
+    let value = &place.sinew(&["check", "--json"]).json()[0];
+    assert_eq!((value["ok"].as_bool(), value["robot"].as_str()), (Some(true), Some("pioneer")));
+}
+
+#[test]
+fn an_error_in_a_robot_file_has_its_place_and_the_nearest_word() {
+    let place = Place::new("check-error");
+    let file = robot_file(
+        &place,
+        "robot.toml",
+        "[robot]\nname = \"x\"\n[nodes.f]\ntype = \"forward\"\ntrigger = \"rangs\"\nreads.ranges = \"/drivers/base/sonar\"\n",
+    );
+    let said = place.sinew(&["check", &file]);
+    assert_eq!((said.code, said.out.as_str()), (Some(4), ""), "{said:?}");
+    assert!(said.err.contains(&format!("{file}:5:")), "{said:?}");
+    assert!(said.err.contains("did you mean \"ranges\"?"), "{said:?}");
+    let said = place.sinew(&["check", &file, "--json"]);
+    let value = &said.json()[0];
+    assert_eq!(
+        (said.code, value["ok"].as_bool(), value["errors"][0]["line"].as_u64()),
+        (Some(4), Some(false), Some(5))
+    );
+}
+
+#[test]
+fn a_missing_robot_says_what_to_give() {
+    let place = Place::new("check-missing");
+    let said = place.sinew(&["check", "nowhere/at/all"]);
+    assert_eq!(said.code, Some(2), "{said:?}");
+    assert!(said.err.contains("cannot read nowhere/at/all") && said.err.contains("robot's folder"), "{said:?}");
+}
+
+#[test]
+fn the_graph_is_drawn_and_written_for_graphviz_and_programs() {
+    let place = Place::new("graph");
+    let drawn = place.sinew(&["graph"]).out;
+    assert!(drawn.contains("drivers\n  base  p2os") && drawn.contains("◄─"), "{drawn}");
+    let dot = place.sinew(&["graph", "--dot"]).out;
+    assert!(dot.starts_with("digraph \"pioneer\" {") && dot.contains("\"/drivers/base\" -> "), "{dot}");
+    assert_eq!(dot.matches('{').count(), dot.matches('}').count());
+    let value = &place.sinew(&["graph", "--json"]).json()[0];
+    let velocity = value["edges"].as_array().unwrap().iter().find(|edge| edge["port"] == "velocity").unwrap();
+    assert_eq!((velocity["from"].as_str(), velocity["triggers"].as_bool()), (Some("/coordinator/arbiter"), Some(true)));
+}
+
+#[test]
+fn the_schema_knows_every_node_type() {
+    let place = Place::new("schema");
+    let schema: serde_json::Value = serde_json::from_str(&place.sinew(&["schema"]).out).unwrap();
+    let listed = place.sinew(&["check", "--types", "--json"]).json();
+    let types = schema["$defs"]["NodeTable"]["properties"]["type"]["enum"].as_array().unwrap();
+    assert_eq!(types.len(), listed[0].as_array().unwrap().len());
+    assert!(types.iter().any(|kind| kind == "p2os"), "{types:?}");
+}
+
+#[test]
+fn the_doctor_names_what_it_looked_at_and_its_json_has_a_verdict() {
+    let place = Place::new("doctor");
+    let said = place.sinew(&["doctor", "--json"]);
+    let value = &said.json()[0];
+    let names: Vec<&str> = value["findings"].as_array().unwrap().iter().map(|f| f["name"].as_str().unwrap()).collect();
+    for name in
+        ["waiting on channels", "preemption", "SCHED_FIFO", "locked memory", "room for channels", "ModemManager"]
+    {
+        assert!(names.contains(&name), "{name} in {names:?}");
+    }
+    let failed = value["verdict"] == "fail";
+    assert_eq!(said.code, Some(if failed { 4 } else { 0 }), "{said:?}");
+}
+
+#[test]
+fn wrong_arguments_end_with_two_and_help_with_zero() {
+    let place = Place::new("usage");
+    for arguments in
+        [&["lss"][..], &["cat"], &["ls", "--jsno"], &["cat", "x", "--history", "many"], &["hz", "x", "--window", "-1"]]
+    {
+        let said = place.sinew(arguments);
+        assert_eq!((said.code, said.out.as_str()), (Some(2), ""), "{arguments:?} {said:?}");
+        assert!(!said.err.is_empty());
+    }
+    let said = place.sinew(&["--help"]);
+    assert_eq!(said.code, Some(0), "{said:?}");
+    assert!(said.out.contains("Look at a running robot") && said.out.contains("Exit codes"), "{said:?}");
+    assert!(!said.out.contains('\u{1b}'), "colours outside a terminal: {said:?}");
+    assert!(place.sinew(&["--version"]).out.starts_with("sinew "));
+}
+
+#[test]
+fn driving_needs_a_terminal() {
+    let said = Place::new("drive-pipe").sinew(&["drive"]);
+    assert_eq!(said.code, Some(2), "{said:?}");
+    assert!(said.err.contains("drive needs a terminal"), "{said:?}");
+}

@@ -1,0 +1,9 @@
+//! The program as people and scripts meet it: every command run as a process, on channels that the test itself fills.
+
+mod cat;
+mod drive;
+mod files;
+mod hz;
+mod ls;
+mod place;
+mod terminal;
