@@ -2,8 +2,8 @@
 //!
 //! Begins when the robot is boxed in, when the readings stay as they are although turns are asked for, or when more
 //! turns than a full circle needs have not freed the way ahead. Tries in turn: back while turning to the roomier side,
-//! back while turning to the other side, a turn on the spot to the other side, straight back. A try that moves nothing
-//! gives way to the next at once; one that does lasts longer each time.
+//! back while turning to the other, on while turning to the roomier, a turn on the spot to the other, straight back. A
+//! try that moves nothing gives way to the next at once; one that does lasts longer each time.
 
 use crate::sectors::{Forces, MAX_SECTORS};
 use schemars::JsonSchema;
@@ -25,6 +25,8 @@ pub struct EscapeConfig {
     pub packets: u32,
     /// Packets that no try is longer than.
     pub most_packets: u32,
+    /// Packets after a try in which the robot does not go on while something is straight ahead.
+    pub hold_packets: u32,
 }
 
 impl Default for EscapeConfig {
@@ -36,6 +38,7 @@ impl Default for EscapeConfig {
             patience_packets: 130,
             packets: 12,
             most_packets: 60,
+            hold_packets: 40,
         }
     }
 }
@@ -67,11 +70,22 @@ impl Side {
     }
 }
 
+/// Where a try leads.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Way {
+    /// Backwards.
+    Back,
+    /// Nowhere: it turns on the spot.
+    Nowhere,
+    /// On, if others want to.
+    On,
+}
+
 /// One try.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct WayOut {
-    /// Whether to go backwards.
-    pub back: bool,
+    /// Where it leads.
+    pub way: Way,
     /// The side to turn to.
     pub side: Option<Side>,
 }
@@ -82,6 +96,8 @@ pub struct Escape {
     /// The try under way, and packets that it still lasts.
     now: Option<(WayOut, u32)>,
     tries: u32,
+    /// Packets in which the robot still does not go on.
+    hold: u32,
     /// Nearest distance per sector when they last changed, and packets since.
     mark_m: [f64; MAX_SECTORS],
     still: u32,
@@ -95,9 +111,10 @@ impl Escape {
         self.now.map(|(way_out, _)| way_out)
     }
 
-    /// Tries since the way was free for a while.
-    pub fn tries(&self) -> u32 {
-        self.tries
+    /// Whether the robot should not go on yet while something is straight ahead, lest it go back into what it just
+    /// backed out of.
+    pub fn holds(&self) -> bool {
+        self.hold > 0
     }
 
     /// Takes in one packet. `acts`: something is acted upon; `ahead`: straight ahead; `boxed_in`: all round; `side`: the
@@ -112,7 +129,9 @@ impl Escape {
         config: &EscapeConfig,
     ) {
         self.watch(forces, config.changed_m);
+        self.hold = self.hold.saturating_sub(1);
         if let Some((way_out, left)) = self.now {
+            self.hold = config.hold_packets;
             if self.still >= config.futile_packets {
                 self.begin(side, config);
             } else {
@@ -143,12 +162,14 @@ impl Escape {
     }
 
     fn begin(&mut self, side: Side, config: &EscapeConfig) {
-        let way_out = match self.tries % 4 {
-            0 => WayOut { back: true, side: Some(side) },
-            1 => WayOut { back: true, side: Some(side.other()) },
-            2 => WayOut { back: false, side: Some(side.other()) },
-            _ => WayOut { back: true, side: None },
+        let (way, side) = match self.tries % 5 {
+            0 => (Way::Back, Some(side)),
+            1 => (Way::Back, Some(side.other())),
+            2 => (Way::On, Some(side)),
+            3 => (Way::Nowhere, Some(side.other())),
+            _ => (Way::Back, None),
         };
+        let way_out = WayOut { way, side };
         self.tries = self.tries.saturating_add(1);
         let packets = config.packets.saturating_mul(self.tries).min(config.most_packets).max(1);
         self.now = Some((way_out, packets));
@@ -168,6 +189,7 @@ mod tests {
         patience_packets: 130,
         packets: 12,
         most_packets: 60,
+        hold_packets: 40,
     };
 
     fn forces(nearest_m: [f64; 3]) -> Forces {
@@ -185,8 +207,8 @@ mod tests {
         for k in 0..packets {
             escape.take_in(&forces(nearest_m(k)), true, ahead, false, Side::Left, &CONFIG);
             if let Some(way_out) = escape.way_out() {
-                if escape.tries() > before {
-                    before = escape.tries();
+                if escape.tries > before {
+                    before = escape.tries;
                     all.push((way_out, 0));
                 }
                 if let Some(last) = all.last_mut() {
@@ -199,11 +221,17 @@ mod tests {
 
     #[test]
     fn where_nothing_changes_each_try_gives_way_to_the_next() {
-        let all = tries(60, true, |_| [0.3; 3]);
-        let kinds: Vec<(bool, Option<Side>)> = all.iter().take(4).map(|(way, _)| (way.back, way.side)).collect();
+        let all = tries(70, true, |_| [0.3; 3]);
+        let kinds: Vec<(Way, Option<Side>)> = all.iter().take(5).map(|(try_, _)| (try_.way, try_.side)).collect();
         assert_eq!(
             kinds,
-            [(true, Some(Side::Left)), (true, Some(Side::Right)), (false, Some(Side::Right)), (true, None)]
+            [
+                (Way::Back, Some(Side::Left)),
+                (Way::Back, Some(Side::Right)),
+                (Way::On, Some(Side::Left)),
+                (Way::Nowhere, Some(Side::Right)),
+                (Way::Back, None)
+            ]
         );
         assert!(all.iter().take(4).all(|(_, length)| *length <= CONFIG.futile_packets));
     }

@@ -11,12 +11,11 @@
 //!   and the robot wiggles through.
 //! - Blocked all round: a small turning reverse. So too when the small turns do not help: the readings stay as they are,
 //!   which without odometry says that the robot does, or a full circle's worth of turns has not freed the way. Each
-//!   further try is longer and of another kind ([`crate::escape`]), until the way has been free for a while; and while
-//!   something is straight ahead the robot does not go forward, lest it go back into what it backed out of.
+//!   further try is longer and of another kind ([`crate::escape`]), until the way has been free for a while.
 //!
 //! Without fresh beams: abstains.
 
-use crate::escape::{Escape, EscapeConfig, Side};
+use crate::escape::{Escape, EscapeConfig, Side, Way};
 use crate::sectors::{Forces, MAX_SECTORS, Sector};
 use messages::{Axis, Beam, FreeSectors, Proposal, Ranges};
 use runtime::{Fault, Layer, Node, OpenError, Ports, Reader, Time, Writer};
@@ -200,13 +199,16 @@ pub fn steer(beams: &[Beam], config: &SteerClearConfig, memory: &mut Memory) -> 
     let turn = |side: Side| Axis::exact(side.sign() * config.turn_per_packet_rad / config.packet_s);
     let no_forward = Axis { cap_positive: 0.0, ..Axis::NONE };
     if let Some(way_out) = memory.escape.way_out() {
-        let back = Axis { cap_positive: 0.0, ..Axis::exact(-config.reverse_m_s) };
-        proposal.forward = if way_out.back { back } else { no_forward };
+        proposal.forward = match way_out.way {
+            Way::Back => Axis { cap_positive: 0.0, ..Axis::exact(-config.reverse_m_s) },
+            Way::Nowhere => no_forward,
+            Way::On => Axis::NONE,
+        };
         proposal.turn = way_out.side.map_or(Axis::NONE, turn);
         proposal.urgency = 1.0;
     } else if let Some(side) = sees.away(memory.kept, config.balance) {
         proposal.turn = turn(side);
-        if sees.ahead && memory.escape.tries() > 0 {
+        if sees.ahead && memory.escape.holds() {
             proposal.forward = no_forward;
         }
     }

@@ -66,12 +66,12 @@ pub struct Footprint {
 }
 
 impl Footprint {
-    /// The footprint of `body` with corners cut by `cut_m`, wider by `side_margin_m` on either side.
-    pub fn of(body: &Body, cut_m: f64, side_margin_m: f64) -> Footprint {
+    /// The footprint of `body` with corners cut by `cut_m`.
+    pub fn of(body: &Body, cut_m: f64) -> Footprint {
         Footprint {
             ahead_m: body.length_ahead_m,
             behind_m: body.length_behind_m,
-            half_width_m: body.half_width_m + side_margin_m,
+            half_width_m: body.half_width_m,
             cut_m,
         }
     }
@@ -204,22 +204,31 @@ impl Arc {
         if !meets {
             return f64::INFINITY;
         }
-        let from = math::atan2(py, px);
-        let mut least = f64::INFINITY;
+        // The point runs against the body's own turning. Directions are told apart by a number that grows with the
+        // angle and needs no arc tangent; only the nearest one's angle is worked out.
+        let mut nearest = (f64::INFINITY, 0.0, 1.0);
         for (a, b) in edges(&self.corners) {
             // An edge whose ends are both nearer is inside the circle.
             if a.2 < radius_sq && b.2 < radius_sq {
                 continue;
             }
             for (x, y) in crossings(a, b, radius_sq).into_iter().flatten() {
-                // The point runs against the body's own turning.
-                let turn = (from - math::atan2(y, x)) * w.signum();
+                let sine = (x * py - y * px) * w.signum();
+                let cosine = x * px + y * py;
                 // Rounding at the very edge must read as a touch now, not after a full turn.
-                let turn = if turn < -1e-9 { turn + TAU } else { turn.max(0.0) };
-                least = least.min(turn);
+                let ahead = sine >= if cosine > 0.0 { -1e-9 * radius_sq } else { 0.0 };
+                let rank = if ahead { radius_sq - cosine } else { 3.0 * radius_sq + cosine };
+                if rank < nearest.0 {
+                    nearest = (rank, if ahead { sine.max(0.0) } else { sine }, cosine);
+                }
             }
         }
-        least
+        let (rank, sine, cosine) = nearest;
+        if rank.is_infinite() {
+            return f64::INFINITY;
+        }
+        let turn = math::atan2(sine, cosine);
+        if turn < 0.0 { turn + TAU } else { turn }
     }
 }
 

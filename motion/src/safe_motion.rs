@@ -5,7 +5,7 @@ use crate::footprint::{Footprint, Point, Velocity};
 use crate::obstacles::Seen;
 use crate::protection::{Protection, Release};
 use crate::ramp::Limits;
-use crate::zone::{self, Braking};
+use crate::zone::{Braking, Zone};
 use messages::{BaseState, Link, MotionState, Stop, Twist};
 use runtime::{Body, Time};
 
@@ -21,9 +21,8 @@ pub struct Surroundings<'a> {
 /// Limits and protection, and what they remember from step to step.
 #[derive(Debug, Clone)]
 pub struct SafeMotion {
-    footprint: Footprint,
+    zone: Zone,
     limits: Limits,
-    braking: Braking,
     blind_cap_m_s: f64,
     config: DriveConfig,
     protection: Protection,
@@ -36,7 +35,19 @@ impl SafeMotion {
     /// A body at rest.
     pub fn new(body: &Body, config: &DriveConfig) -> SafeMotion {
         SafeMotion {
-            footprint: Footprint::of(body, config.cut_corners_m, config.side_margin_m),
+            zone: Zone {
+                footprint: Footprint::of(body, config.cut_corners_m),
+                braking: Braking {
+                    delay_s: config.sense_s + config.react_s,
+                    deceleration_m_s2: body.deceleration_m_s2,
+                    turn_deceleration_rad_s2: body.turn_acceleration_rad_s2,
+                    margin_m: config.margin_m,
+                    creep_m_s: config.creep_m_s,
+                    creep_margin_m: config.creep_margin_m.min(config.margin_m),
+                },
+                side_margin_m: config.side_margin_m,
+                turn_margin_m: config.turn_margin_m,
+            },
             limits: Limits {
                 forward_m_s: body.max_forward_m_s,
                 backward_m_s: body.max_backward_m_s,
@@ -44,14 +55,6 @@ impl SafeMotion {
                 acceleration_m_s2: body.acceleration_m_s2,
                 deceleration_m_s2: body.deceleration_m_s2,
                 turn_acceleration_rad_s2: body.turn_acceleration_rad_s2,
-            },
-            braking: Braking {
-                delay_s: config.sense_s + config.react_s,
-                deceleration_m_s2: body.deceleration_m_s2,
-                turn_deceleration_rad_s2: body.turn_acceleration_rad_s2,
-                margin_m: config.margin_m,
-                creep_m_s: config.creep_m_s,
-                creep_margin_m: config.creep_margin_m.min(config.margin_m),
             },
             blind_cap_m_s: body.blind_cap_m_s,
             config: config.clone(),
@@ -86,10 +89,13 @@ impl SafeMotion {
         let clamped = self.limits.clamp(asked);
         let (open, protected) = self.protection.hold(clamped, self.config.way_out_m_s);
         let seeing = self.cap_blind(open, around.seen);
-        let allowed = zone::allow(&self.footprint, &self.braking, around.points, seeing);
+        let allowed = self.zone.allow(around.points, seeing);
         let ready = base.is_some_and(is_ready);
         let target = if ready { allowed.velocity } else { Velocity::ZERO };
-        self.sent = self.limits.ramp(self.sent, target, dt_s);
+        // What the ramps make of it is another arc than the one that was judged: it is judged, too.
+        let ramped = self.limits.ramp(self.sent, target, dt_s);
+        let kept = self.zone.allow(around.points, ramped);
+        self.sent = if kept.held { self.limits.ramp(self.sent, kept.velocity, dt_s) } else { ramped };
         let stop = match protected {
             _ if !ready => Stop::Base,
             Some(cause) => cause,
@@ -100,14 +106,14 @@ impl SafeMotion {
         };
         self.count(stop, target);
         let pace_m_s = match seeing.forward_m_s.abs() {
-            0.0 => seeing.turn_rad_s.abs() * self.footprint.corner_radius_m(),
+            0.0 => seeing.turn_rad_s.abs() * self.zone.footprint.corner_radius_m(),
             v => v,
         };
         MotionState {
             wanted: twist(asked),
             sent: twist(self.sent),
-            forward_limit_m_s: self.straight_limit_m_s(around.points, 1.0),
-            backward_limit_m_s: self.straight_limit_m_s(around.points, -1.0),
+            forward_limit_m_s: self.zone.straight_limit_m_s(around.points, 1.0),
+            backward_limit_m_s: self.zone.straight_limit_m_s(around.points, -1.0),
             clear_m: if allowed.contact_s.is_finite() { allowed.contact_s * pace_m_s } else { f64::INFINITY },
             stop: stop as u32,
             stops: self.stops,
@@ -129,12 +135,6 @@ impl SafeMotion {
             capped.turn_rad_s = capped.turn_rad_s.clamp(-cap, cap);
         }
         capped
-    }
-
-    fn straight_limit_m_s(&self, points: &[Point], direction: f64) -> f64 {
-        // At 1 m/s the time to contact is the clear way.
-        let clear_m = zone::first_contact_s(&self.footprint, points, Velocity::new(direction, 0.0));
-        self.braking.speed_limit_m_s(clear_m)
     }
 
     /// Counts a protective stop when it begins: full rest for a reason that lies around the body.
