@@ -66,12 +66,12 @@ pub struct Footprint {
 }
 
 impl Footprint {
-    /// The footprint of `body` with corners cut by `cut_m`, wider by `side_margin_m` on either side.
-    pub fn of(body: &Body, cut_m: f64, side_margin_m: f64) -> Footprint {
+    /// The footprint of `body` with corners cut by `cut_m`.
+    pub fn of(body: &Body, cut_m: f64) -> Footprint {
         Footprint {
             ahead_m: body.length_ahead_m,
             behind_m: body.length_behind_m,
-            half_width_m: body.half_width_m + side_margin_m,
+            half_width_m: body.half_width_m,
             cut_m,
         }
     }
