@@ -193,8 +193,13 @@ mod tests {
     };
 
     fn forces(nearest_m: [f64; 3]) -> Forces {
-        let mut forces =
-            Forces { force: [0.0; MAX_SECTORS], known: [true; MAX_SECTORS], nearest_m: [0.0; MAX_SECTORS], count: 3 };
+        let mut forces = Forces {
+            force: [0.0; MAX_SECTORS],
+            known: [true; MAX_SECTORS],
+            age_s: [0.0; MAX_SECTORS],
+            nearest_m: [0.0; MAX_SECTORS],
+            count: 3,
+        };
         forces.nearest_m[..3].copy_from_slice(&nearest_m);
         forces
     }

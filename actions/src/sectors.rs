@@ -43,6 +43,8 @@ pub struct Forces {
     pub nearest_m: [f64; MAX_SECTORS],
     /// Whether a beam of the sector told anything.
     pub known: [bool; MAX_SECTORS],
+    /// Age of the beam that spoke for the sector [s].
+    pub age_s: [f64; MAX_SECTORS],
     /// Number of sectors.
     pub count: usize,
 }
@@ -55,6 +57,7 @@ impl Forces {
             force: [0.0; MAX_SECTORS],
             nearest_m: [a / b_per_m; MAX_SECTORS],
             known: [false; MAX_SECTORS],
+            age_s: [f64::INFINITY; MAX_SECTORS],
             count,
         };
         for beam in beams {
@@ -67,8 +70,12 @@ impl Forces {
             let bearing_rad = wrap_angle(f64::from(beam.bearing_rad));
             let fresh = f64::from(beam.age_s) <= max_age_s;
             if let Some(k) = sectors[..count].iter().position(|sector| sector.holds(bearing_rad)).filter(|_| fresh) {
+                let force = magnitude / sectors[k].threshold;
+                if !forces.known[k] || force > forces.force[k] {
+                    forces.age_s[k] = f64::from(beam.age_s);
+                }
                 forces.known[k] = true;
-                forces.force[k] = forces.force[k].max(magnitude / sectors[k].threshold);
+                forces.force[k] = forces.force[k].max(force);
                 forces.nearest_m[k] = forces.nearest_m[k].min((a - magnitude) / b_per_m);
             }
         }

@@ -4,11 +4,11 @@
 //!
 //! - Each packet in which some sector has M > 1 ([`crate::sectors`]) asks for one small turn (3°) away from the
 //!   strongest of them: a turn rate that expires with the packet. Never a computed large turn.
-//! - Where that turn leads towards a further sector with M > 1, the sums of force left and right decide, over what is
-//!   acted upon; where they balance, as between two jambs, it goes straight on.
-//! - While something is straight ahead the chosen side is kept, unless the other has become clearly the freer one, and
-//!   that not over and over: a corner would hold the robot by turning it to and fro. Beside door jambs nothing is kept,
-//!   and the robot wiggles through.
+//! - A packet brings new readings of a few discs only. What they show beside the way is acted upon once: between two
+//!   jambs the packets of the left and of the right discs take turns, and the robot wiggles through.
+//! - While something is straight ahead every packet turns. Where the intuitive turn leads towards a further sector with
+//!   M > 1, the sums of force left and right decide. The side is kept, unless the other has become clearly the freer one,
+//!   and that not over and over: a corner would hold the robot by turning it to and fro.
 //! - Blocked all round: a small turning reverse. So too when the small turns do not help: the readings stay as they are,
 //!   which without odometry says that the robot does, or a full circle's worth of turns has not freed the way. Each
 //!   further try is longer and of another kind ([`crate::escape`]), until the way has been free for a while.
@@ -188,7 +188,7 @@ pub fn steer(beams: &[Beam], config: &SteerClearConfig, memory: &mut Memory) -> 
     let (a, b) = (config.b_per_m * config.d_max_m, config.b_per_m);
     let forces = Forces::of(beams, &config.sectors, a, b, config.max_beam_age_s);
     let free_sectors = forces.free_sectors(&config.sectors);
-    let sees = Sight::of(&forces, &config.sectors, config.ahead_rad);
+    let sees = Sight::of(&forces, config);
     memory.take_in(&sees, &forces, config);
     let mut proposal = Proposal {
         urgency: config.urgency,
@@ -215,11 +215,12 @@ pub fn steer(beams: &[Beam], config: &SteerClearConfig, memory: &mut Memory) -> 
     (proposal, free_sectors)
 }
 
-/// What one packet shows.
+/// What is known after one packet.
 #[derive(Debug, Clone, Copy)]
 struct Sight {
-    /// Side of the strongest sector with M > 1.
+    /// Side of the strongest sector with M > 1, among all and among those that this packet renewed.
     strongest: Option<Side>,
+    renewed: Option<Side>,
     /// Whether some sector on the left, on the right, straight ahead is acted upon.
     left: bool,
     right: bool,
@@ -234,9 +235,10 @@ struct Sight {
 }
 
 impl Sight {
-    fn of(forces: &Forces, sectors: &[Sector], ahead_rad: f64) -> Sight {
+    fn of(forces: &Forces, config: &SteerClearConfig) -> Sight {
         let mut sight = Sight {
             strongest: None,
+            renewed: None,
             left: false,
             right: false,
             ahead: false,
@@ -246,28 +248,29 @@ impl Sight {
             left_all: 0.0,
             right_all: 0.0,
         };
-        let mut greatest = 1.0;
-        for (k, sector) in sectors.iter().enumerate().take(forces.count) {
+        let (mut greatest, mut greatest_renewed) = (1.0, 1.0);
+        for (k, sector) in config.sectors.iter().enumerate().take(forces.count) {
             let side = if sector.middle_rad() >= 0.0 { Side::Left } else { Side::Right };
-            let acts = forces.acts(k);
-            let force = forces.force[k];
-            match side {
-                Side::Left => {
-                    sight.left |= acts;
-                    sight.left_sum += if acts { force } else { 0.0 };
-                    sight.left_all += force;
-                }
-                Side::Right => {
-                    sight.right |= acts;
-                    sight.right_sum += if acts { force } else { 0.0 };
-                    sight.right_all += force;
-                }
-            }
-            sight.ahead |= acts && sector.middle_rad().abs() <= ahead_rad;
+            let (acts, force) = (forces.acts(k), forces.force[k]);
+            let (any, sum, all) = match side {
+                Side::Left => (&mut sight.left, &mut sight.left_sum, &mut sight.left_all),
+                Side::Right => (&mut sight.right, &mut sight.right_sum, &mut sight.right_all),
+            };
+            *all += force;
             sight.blocked &= acts;
-            if acts && force > greatest {
+            if !acts {
+                continue;
+            }
+            *any = true;
+            *sum += force;
+            sight.ahead |= sector.middle_rad().abs() <= config.ahead_rad;
+            if force > greatest {
                 greatest = force;
                 sight.strongest = Some(side);
+            }
+            if force > greatest_renewed && forces.age_s[k] <= 0.5 * config.packet_s {
+                greatest_renewed = force;
+                sight.renewed = Some(side);
             }
         }
         sight
@@ -289,10 +292,13 @@ impl Sight {
 
     /// The side to turn to, if at all.
     fn away(&self, kept: Option<Side>, balance: f64) -> Option<Side> {
-        let away = self.strongest?.other();
-        if self.ahead && kept.is_some() {
+        if !self.ahead {
+            return self.renewed.map(Side::other);
+        }
+        if kept.is_some() {
             return kept;
         }
+        let away = self.strongest?.other();
         let further = match away {
             Side::Left => self.left,
             Side::Right => self.right,
@@ -301,7 +307,7 @@ impl Sight {
             return Some(away);
         }
         if (self.left_sum - self.right_sum).abs() <= balance {
-            return self.ahead.then(|| self.roomier());
+            return Some(self.roomier());
         }
         Some(if self.left_sum > self.right_sum { Side::Right } else { Side::Left })
     }
@@ -342,7 +348,7 @@ mod tests {
             origin_y_m: 0.0,
             bearing_rad: BEARINGS_DEG[k].to_radians(),
             range_m: ranges_m[k],
-            age_s: 0.1,
+            age_s: 0.0,
             echo: if ranges_m[k] >= 5.0 { Echo::Clear } else { Echo::Value } as u32,
         };
         (0..8).map(beam).collect()
@@ -389,7 +395,7 @@ mod tests {
     #[test]
     fn a_turn_that_leads_to_a_further_problem_gives_way_to_the_sums_of_force() {
         // The strongest is on the left, but the right is narrower as a whole.
-        let ranges = with(&[(2, 0.2), (4, 0.45), (5, 0.25), (6, 0.2), (7, 0.1)]);
+        let ranges = with(&[(2, 0.2), (3, 0.4), (4, 0.45), (5, 0.25), (6, 0.2), (7, 0.1)]);
         assert!(turn_of(ranges, &mut Memory::default()) > 0.0);
     }
 
@@ -401,11 +407,17 @@ mod tests {
     }
 
     #[test]
-    fn between_jambs_it_goes_straight_on_and_turns_away_from_one_alone() {
-        let mut memory = Memory::default();
-        assert_eq!(turn_of(with(&[(0, 0.10), (7, 0.13)]), &mut memory), 0.0);
-        assert!(turn_of(with(&[(0, 0.08), (7, 0.16)]), &mut memory) < 0.0);
-        assert!(turn_of(with(&[(0, 0.16), (7, 0.08)]), &mut memory) > 0.0);
+    fn between_jambs_the_packets_of_either_side_take_turns() {
+        let (config, mut memory) = (SteerClearConfig::default(), Memory::default());
+        let mut jambs = beams(with(&[(0, 0.10), (1, 0.15), (6, 0.15), (7, 0.12)]));
+        let mut turns = Vec::new();
+        for renewed in [[0, 1], [2, 3], [6, 7]] {
+            jambs.iter_mut().for_each(|beam| beam.age_s = 0.2);
+            renewed.into_iter().for_each(|disc| jambs[disc].age_s = 0.0);
+            let turn = steer(&jambs, &config, &mut memory).0.turn;
+            turns.push(if turn == Axis::NONE { 0.0 } else { turn.value.signum() });
+        }
+        assert_eq!(turns, [-1.0, 0.0, 1.0]);
     }
 
     #[test]

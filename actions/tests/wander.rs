@@ -20,7 +20,7 @@ fn beams(near: &[(usize, f32)]) -> Vec<Beam> {
         origin_y_m: 0.0,
         bearing_rad: BEARINGS_DEG[k].to_radians(),
         range_m: range(k),
-        age_s: 0.1,
+        age_s: 0.0,
         echo: Echo::Value as u32,
     };
     (0..8).map(beam).collect()

@@ -5,14 +5,8 @@ use runtime::robot::Embedded;
 
 /// Every node type that is built in, in flow order, and the user's behind them.
 pub fn node_types(extra: &[NodeType]) -> Vec<NodeType> {
-    let built_in: [&[NodeType]; 6] = [
-        simulator::NODES,
-        drivers::NODES,
-        perception::NODES,
-        actions::NODES,
-        coordinator::NODES,
-        motion::NODES,
-    ];
+    let built_in: [&[NodeType]; 6] =
+        [simulator::NODES, drivers::NODES, perception::NODES, actions::NODES, coordinator::NODES, motion::NODES];
     built_in.into_iter().flatten().chain(extra).copied().collect()
 }
 

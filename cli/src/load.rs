@@ -69,8 +69,12 @@ fn overrides(robot: &Robot, changes: &Changes) -> Result<Vec<Override>, Failure>
             return Err(Failure::new(USAGE, format!("--device {device}: write NODE=ADDRESS, as in base=/dev/ttyUSB0")));
         };
         if robot.node(Layer::Drivers, node).is_none() {
-            let drivers: Vec<&str> = robot.nodes.iter().filter(|n| n.kind.layer == Layer::Drivers).map(|n| n.instance.as_str()).collect();
-            return Err(Failure::new(USAGE, format!("--device {device}: there is no driver \"{node}\"; drivers are {}", drivers.join(", "))));
+            let drivers: Vec<&str> =
+                robot.nodes.iter().filter(|n| n.kind.layer == Layer::Drivers).map(|n| n.instance.as_str()).collect();
+            return Err(Failure::new(
+                USAGE,
+                format!("--device {device}: there is no driver \"{node}\"; drivers are {}", drivers.join(", ")),
+            ));
         }
         all.push(Override { key: format!("nodes.{node}.config.device"), value: text(address) });
     }
@@ -88,9 +92,11 @@ fn overrides(robot: &Robot, changes: &Changes) -> Result<Vec<Override>, Failure>
 
 /// A robot whose drivers all have real devices needs no world.
 fn drop_unused_twins(robot: &mut Robot, changes: &Changes) {
-    let simulated = robot.nodes.iter().filter(|n| n.kind.layer == Layer::Drivers).any(|node| {
-        node.config.get("device").and_then(|d| d.as_str()).is_none_or(|device| device == "simulator")
-    });
+    let simulated = robot
+        .nodes
+        .iter()
+        .filter(|n| n.kind.layer == Layer::Drivers)
+        .any(|node| node.config.get("device").and_then(|d| d.as_str()).is_none_or(|device| device == "simulator"));
     if !changes.device.is_empty() && !simulated {
         robot.nodes.retain(|node| node.kind.layer != Layer::Simulator);
     }

@@ -103,7 +103,11 @@ fn forces(moment: &Moment) -> Vec<SonarForce> {
         moment.beams.iter().filter(|beam| beam.origin_x_m > 0.0 && beam.bearing_rad.abs() < 1.6).collect();
     ahead.sort_by(|a, b| a.bearing_rad.total_cmp(&b.bearing_rad));
     let force = moment.sectors.force.iter();
-    ahead.iter().zip(force).map(|(beam, force)| SonarForce { bearing_rad: f64::from(beam.bearing_rad), force: *force }).collect()
+    ahead
+        .iter()
+        .zip(force)
+        .map(|(beam, force)| SonarForce { bearing_rad: f64::from(beam.bearing_rad), force: *force })
+        .collect()
 }
 
 /// Where the counters of contacts rose.

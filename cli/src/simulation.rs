@@ -192,7 +192,9 @@ impl Tap {
 
 impl Watch {
     fn new(host: &SimulatedHost) -> Watch {
-        let of = |layer: Layer, port: &str| host.robot().nodes.iter().find(|n| n.kind.layer == layer).map(|n| n.port_path(port));
+        let of = |layer: Layer, port: &str| {
+            host.robot().nodes.iter().find(|n| n.kind.layer == layer).map(|n| n.port_path(port))
+        };
         Watch {
             truth: of(Layer::Simulator, "truth").and_then(|path| Tap::open(host, &path, Some(expected::<Truth>()))),
             command: of(Layer::Motion, "command").and_then(|path| Tap::open(host, &path, None)),
@@ -242,7 +244,9 @@ impl Watch {
 
     /// Keeps the moment at which the greatest force so far was felt.
     fn collect_moment(&mut self) {
-        let (Some(sectors), Some(ranges), Some(truth)) = (&mut self.sectors, &mut self.ranges, self.last) else { return };
+        let (Some(sectors), Some(ranges), Some(truth)) = (&mut self.sectors, &mut self.ranges, self.last) else {
+            return;
+        };
         let greatest = |sectors: &FreeSectors| sectors.force.iter().copied().fold(0.0, f64::max);
         let mut newest: Option<(Time, FreeSectors)> = None;
         sectors.drain(|_, stamp, buffer| newest = Some((stamp, *bytemuck::from_bytes(buffer.fixed()))));

@@ -7,7 +7,10 @@ fn the_published_schema_is_not_stale() {
     let now = runtime::robot::json_schema(&types);
     let published: serde_json::Value =
         serde_json::from_str(include_str!("../../docs/robot.schema.json")).expect("docs/robot.schema.json is JSON");
-    assert!(now == published, "docs/robot.schema.json is stale: write it anew with `sinew schema > docs/robot.schema.json`");
+    assert!(
+        now == published,
+        "docs/robot.schema.json is stale: write it anew with `sinew schema > docs/robot.schema.json`"
+    );
 }
 
 #[test]

@@ -106,7 +106,10 @@ fn the_robot_causes_no_contact_while_its_nodes_are_killed_and_every_node_comes_b
     }
     let last = truth_of(&truth).unwrap();
     let [drove, reversed, suffered] = last.contacts;
-    eprintln!("{kills} kills, {:.1} m, contacts: drove {drove}, reversed {reversed}, suffered {suffered}", last.distance_m);
+    eprintln!(
+        "{kills} kills, {:.1} m, contacts: drove {drove}, reversed {reversed}, suffered {suffered}",
+        last.distance_m
+    );
     assert_eq!((drove, reversed), (0, 0), "contacts that the robot caused");
     assert!(last.distance_m > 3.0, "it went on driving: {:.1} m", last.distance_m);
 

@@ -39,6 +39,8 @@ pub struct MemoryConfig {
     pub denies_beyond_m: f64,
     /// … and this share of it.
     pub denies_beyond_share: f64,
+    /// Share of the cone's half width that an arc takes up.
+    pub arc_share: f64,
     /// Share of the cone's half width within which a reading can deny.
     pub denies_within_share: f64,
     /// A reading denies only what was seen from within this angle of its own line of sight [rad].
@@ -71,6 +73,7 @@ impl Default for MemoryConfig {
             on_arc_within_m: 0.02,
             denies_beyond_m: 0.025,
             denies_beyond_share: 0.1,
+            arc_share: 1.0,
             denies_within_share: 0.8,
             denies_askance_rad: 0.5,
             confirmed_from_m: 0.03,
@@ -78,7 +81,7 @@ impl Default for MemoryConfig {
             explained_within_m: 0.05,
             most_confirmations: 4,
             near_m: 0.35,
-            recall_s: 4.0,
+            recall_s: 10.0,
             heard_before_s: 0.05,
         }
     }
@@ -112,6 +115,7 @@ impl MemoryConfig {
             ("heard_before_s", self.heard_before_s),
             ("denies_beyond_share", self.denies_beyond_share),
             ("denies_within_share", self.denies_within_share),
+            ("arc_share", self.arc_share),
         ] {
             if !(0.0..=1.0).contains(&value) {
                 return Err(format!("{key} = {value} must be 0 to 1"));
@@ -243,7 +247,7 @@ impl Free {
 }
 
 /// Readings that are recalled.
-const RECALLED: usize = 192;
+const RECALLED: usize = 512;
 /// So many of them must deny a place before it counts as free: one may be a lost echo.
 const DENIALS: usize = 2;
 
@@ -410,7 +414,7 @@ impl EchoMemory {
     /// Spots along an arc.
     fn along(&self, time: Time, arc: &Arc, reading: &Reading) -> impl Iterator<Item = Spot> + use<> {
         let arc = *arc;
-        let width_rad = 2.0 * reading.half_width_rad;
+        let width_rad = 2.0 * reading.half_width_rad * self.config.arc_share;
         let length_m = width_rad * arc.radius_m;
         let steps = (length_m / self.config.spacing_m).ceil().min(16.0);
         let count = if length_m > self.config.same_within_m { (steps as usize + 1).max(3) } else { 1 };

@@ -19,7 +19,19 @@ fn own_dependencies(folder: &str) -> Vec<String> {
             found.push(name.to_owned());
         }
     }
-    let own = ["messages", "messages-derive", "runtime", "supervisor", "drivers", "perception", "actions", "coordinator", "motion", "simulator", "sinew"];
+    let own = [
+        "messages",
+        "messages-derive",
+        "runtime",
+        "supervisor",
+        "drivers",
+        "perception",
+        "actions",
+        "coordinator",
+        "motion",
+        "simulator",
+        "sinew",
+    ];
     found.retain(|name| own.contains(&name.as_str()));
     found
 }
@@ -49,7 +61,18 @@ fn lower_crates_do_not_know_higher_ones() {
 fn the_workspace_lists_its_crates_in_flow_order() {
     let text = fs::read_to_string(root().join("Cargo.toml")).expect("the workspace has a manifest");
     let place = |name: &str| text.find(&format!("    \"{name}\",")).unwrap_or_else(|| panic!("{name} is no member"));
-    let order = ["messages", "runtime", "supervisor", "drivers", "perception", "actions", "coordinator", "motion", "simulator", "cli"];
+    let order = [
+        "messages",
+        "runtime",
+        "supervisor",
+        "drivers",
+        "perception",
+        "actions",
+        "coordinator",
+        "motion",
+        "simulator",
+        "cli",
+    ];
     for pair in order.windows(2) {
         assert!(place(pair[0]) < place(pair[1]), "{} must stand before {}", pair[0], pair[1]);
     }
@@ -76,7 +99,8 @@ fn no_source_file_has_more_than_600_lines() {
     sources(&root(), &mut files);
     assert!(files.len() > 50, "the search found {} files only", files.len());
     for file in files {
-        let inside_tests = file.components().any(|part| ["tests", "fuzz"].contains(&part.as_os_str().to_string_lossy().as_ref()));
+        let inside_tests =
+            file.components().any(|part| ["tests", "fuzz"].contains(&part.as_os_str().to_string_lossy().as_ref()));
         let lines = fs::read_to_string(&file).map_or(0, |text| text.lines().count());
         assert!(inside_tests || lines <= 600, "{} has {lines} lines: one idea per file", file.display());
     }
@@ -86,7 +110,15 @@ fn no_source_file_has_more_than_600_lines() {
 fn unsafe_code_lives_in_the_channel_module_and_the_system_calls_only() {
     let mut files = Vec::new();
     sources(&root(), &mut files);
-    let allowed = ["runtime/src/channel", "runtime/src/sys", "messages/src", "messages/derive", "xtask/", "/tests/", "runtime/src/lib.rs"];
+    let allowed = [
+        "runtime/src/channel",
+        "runtime/src/sys",
+        "messages/src",
+        "messages/derive",
+        "xtask/",
+        "/tests/",
+        "runtime/src/lib.rs",
+    ];
     for file in files {
         let text = fs::read_to_string(&file).unwrap_or_default();
         let path = file.display().to_string();
@@ -113,7 +145,9 @@ fn exceptions_to_error_handling_only_become_fewer() {
         }
         let text = fs::read_to_string(&file).unwrap_or_default();
         let code = text.split("#[cfg(test)]").next().unwrap_or("");
-        count += code.matches(".expect(\"").count() + code.matches("unreachable!(").count() + code.matches("panic!(").count();
+        count += code.matches(".expect(\"").count()
+            + code.matches("unreachable!(").count()
+            + code.matches("panic!(").count();
     }
     assert!(count <= MOST, "{count} exceptions, {MOST} allowed");
 }

@@ -162,14 +162,16 @@ impl Printer<'_> {
         if self.painted > 0 {
             self.out.raw(&format!("\x1b[{}A", self.painted))?;
         }
-        let shown = lines.len().min(rows);
-        for line in &lines[..shown] {
+        let cut = lines.len() > rows;
+        let whole = if cut { rows.saturating_sub(1) } else { lines.len() };
+        let more = cut.then(|| self.out.paint.dim(format!("  … {} more lines; --once shows all", lines.len() - whole)));
+        self.painted = 0;
+        for line in lines[..whole].iter().chain(&more) {
             // No wrapping, so that a line is a line; then clear what the line before had more.
             self.out.raw(&format!("\x1b[?7l{line}\x1b[?7h\x1b[K\n"))?;
+            self.painted += 1;
         }
-        self.out.raw("\x1b[J")?;
-        self.painted = shown;
-        Ok(())
+        self.out.raw("\x1b[J")
     }
 }
 

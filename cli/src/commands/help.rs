@@ -56,7 +56,14 @@ pub const RUN: &str = "\
 Examples:
   sinew run                                        the built-in Pioneer, simulated
   sinew run robots/pioneer --for 60s --json        a minute without a screen, results as JSON
-  sinew run robots/pioneer --device base=/dev/ttyUSB0    the same robot on real wheels";
+  sinew run robots/pioneer --device base=/dev/ttyUSB0    the same robot on real wheels
+
+JSON (--json), one object per line, told apart by event:
+  state     each second: time_s, x_m, y_m, heading_rad, speed_m_s, turn_rad_s, battery_v, clearance_m, contacts_caused,
+            contacts_suffered, held (why motion holds the body back), nodes, nodes_up, restarts; null is unknown
+  incident  node, incident (died, restarted, recovered, …), message, pid, code, signal, span_s, last_lines
+  robot     state (starting, running, degraded, stopping, stopped)
+  end       stopped_by, ran_s, distance_m, mean_speed_m_s, least_clearance_m, contacts_…, restarts, lost";
 
 pub const SIMULATE: &str = "\
 Examples:
@@ -85,7 +92,9 @@ obeys as one more member of its set.";
 pub const DOWN: &str = "\
 Examples:
   sinew down                      stops the only running robot in order: nodes first, then its files
-  sinew down pioneer --timeout 30s";
+  sinew down pioneer --timeout 30s
+
+JSON (--json): robot, stopped, took_s.";
 
 pub const LS: &str = "\
 Examples:
@@ -125,15 +134,20 @@ Examples:
   sinew call /drivers/base enable '{\"on\": 1}'
   sinew call base ping                        who answers, and how fast
 
-A message with fields needs them all as JSON; a message of one field takes the bare value. Long orders show their
-progress; Ctrl-C cancels them.";
+A message with several fields needs them all, as JSON or as FIELD=VALUE; one field takes the bare value; on and off are
+1 and 0. Long orders show their progress; Ctrl-C cancels them.
+
+JSON (--json): node, command, answer, took_s; before it {accepted} and {progress} of a long order. Without a command:
+node, commands [{name, kind, request, progress, answer}], built_in.";
 
 pub const LOGS: &str = "\
 Examples:
   sinew logs                      the last lines of every node
   sinew logs base -f              what node base says from now on
   sinew logs base --lines 200
-  sinew logs base --previous      the run before";
+  sinew logs base --previous      the run before
+
+JSON (--json), one object per line: node, line.";
 
 pub const CHECK: &str = "\
 Examples:
@@ -141,13 +155,17 @@ Examples:
   sinew check robots/pioneer      reads the file, opens every node for its ports, checks every wire; needs no hardware
   sinew check --types             node types that a robot file can name
 
+JSON (--json): ok, errors [{file, line, column, reason, advice, message}] and, when all is well, what `graph --json` tells.
 Exit code 4 when there is an error.";
 
 pub const GRAPH: &str = "\
 Examples:
   sinew graph                     the built-in Pioneer as text
   sinew graph robots/pioneer --dot | dot -Tsvg > pioneer.svg
-  sinew graph --json";
+  sinew graph --json
+
+JSON (--json): robot, file, nodes [{path, type, layer, period_ms, deadline_ms, triggers, priority, process, reads,
+writes}], edges [{from, to, path, port, triggers}].";
 
 pub const SCHEMA: &str = "\
 Examples:
@@ -167,6 +185,7 @@ Examples:
   sinew doctor                    what this machine lacks for real-time runs and real devices, and how to mend it
   sinew doctor --json
 
+JSON (--json): verdict (ok, warn, fail), findings [{name, verdict, found, remedy}].
 Exit code 4 when something must be mended before a robot can run; warnings do not count.";
 
 pub const NODE: &str = "\

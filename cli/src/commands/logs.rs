@@ -33,6 +33,8 @@ pub struct Args {
 
 /// How often the files are looked at [s].
 const POLL_S: f64 = 0.1;
+/// A supervisor answers within this time, or is not waited for [s].
+const ASK_S: f64 = 0.5;
 /// More than this is not searched for the last lines [byte].
 const MOST_BYTES: u64 = 4 << 20;
 
@@ -93,7 +95,8 @@ fn folder(which: &Which) -> Result<PathBuf, Failure> {
         return of(name);
     }
     match live::find_below(&live::root(), None) {
-        Ok(robot) => of(&robot.name),
+        // Its supervisor knows best: it may have been started with another environment.
+        Ok(robot) => told_folder(&robot.folder).map_or_else(|| of(&robot.name), Ok),
         // After a crash the logs are wanted most.
         Err(failure) => {
             let base = of("any")?;
@@ -109,6 +112,12 @@ fn folder(which: &Which) -> Result<PathBuf, Failure> {
             }
         }
     }
+}
+
+/// Where the supervisor of the robot in `folder` says that it writes.
+fn told_folder(folder: &Path) -> Option<PathBuf> {
+    let answer = supervisor::ask(folder, "status", ASK_S).ok()?;
+    serde_json::from_str::<supervisor::Status>(&answer).ok()?.log_folder.map(PathBuf::from)
 }
 
 /// The log files in `folder`, sorted by node.

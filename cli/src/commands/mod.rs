@@ -34,7 +34,7 @@ struct CommandLine {
 
 #[derive(Debug, Subcommand)]
 enum Command {
-    #[command(about = "Runs a robot; without a name the Pioneer in its office", after_help = help::RUN)]
+    #[command(after_help = help::RUN)]
     Run(run::Args),
     #[command(after_help = help::SIMULATE)]
     Simulate(simulate::Args),
@@ -58,7 +58,7 @@ enum Command {
     Graph(graph::Args),
     #[command(after_help = help::SCHEMA)]
     Schema(schema::Args),
-    #[command(about = "Measures channels and the reflex path on this machine", after_help = help::BENCH)]
+    #[command(after_help = help::BENCH)]
     Bench(bench::Args),
     #[command(after_help = help::DOCTOR)]
     Doctor(doctor::Args),

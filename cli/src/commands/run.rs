@@ -69,7 +69,8 @@ pub fn run(args: Args, types: &[NodeType]) -> Result<(), Failure> {
     let seen = shown?;
     if args.svg.as_os_str() != "none" && seen.track.len() > 1 {
         let picture = crate::picture::of_track(&robot, &seen.track)?;
-        std::fs::write(&args.svg, picture).map_err(|e| Failure::from(format!("cannot write {}: {e}", args.svg.display())))?;
+        std::fs::write(&args.svg, picture)
+            .map_err(|e| Failure::from(format!("cannot write {}: {e}", args.svg.display())))?;
     }
     view::farewell(face, &outcome, &seen, &args.svg)?;
     judge(&outcome)
@@ -106,7 +107,8 @@ fn plan(robot: &Robot) -> Result<Plan, Failure> {
         let mut argv = vec![program.clone().into_os_string(), "node".into(), "--root".into(), root.clone().into()];
         argv.extend(members.iter().map(|node| node.path().into()));
         let mut program = Program::new(name, argv);
-        program.rule.restart = members.iter().map(|node| restart(node.restart)).min_by_key(|r| *r as u8).unwrap_or_default();
+        program.rule.restart =
+            members.iter().map(|node| restart(node.restart)).min_by_key(|r| *r as u8).unwrap_or_default();
         program.rule.stop_group = members.iter().map(|node| stop_group(node.kind.layer)).max().unwrap_or(0);
         program
     });
@@ -157,9 +159,8 @@ fn code_of(error: &supervisor::SuperviseError) -> u8 {
 fn judge(outcome: &Outcome) -> Result<(), Failure> {
     match outcome.lost.as_slice() {
         [] => Ok(()),
-        lost => Err(Failure::from(format!(
-            "nodes given up: {}; `sinew logs NODE` shows their last words",
-            lost.join(", ")
-        ))),
+        lost => {
+            Err(Failure::from(format!("nodes given up: {}; `sinew logs NODE` shows their last words", lost.join(", "))))
+        }
     }
 }

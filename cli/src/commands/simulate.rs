@@ -65,7 +65,8 @@ pub fn run(args: Args, types: &[NodeType]) -> Result<(), Failure> {
         let drawn = runs.iter().find(|run| run.result.contacts_caused > 0).or(runs.first());
         if let Some(run) = drawn {
             let picture = crate::picture::of_run(&robot, run)?;
-            std::fs::write(file, picture).map_err(|e| Failure::from(format!("cannot write {}: {e}", file.display())))?;
+            std::fs::write(file, picture)
+                .map_err(|e| Failure::from(format!("cannot write {}: {e}", file.display())))?;
             if !args.json {
                 println!("drew seed {} to {}", run.result.seed, file.display());
             }
@@ -83,12 +84,23 @@ pub fn run(args: Args, types: &[NodeType]) -> Result<(), Failure> {
 }
 
 fn print_table(out: &mut impl Write, runs: &[Run], total: &RunResult, seconds: f64) -> std::io::Result<()> {
-    writeln!(out, "{:>8} {:>7} {:>9} {:>9} {:>10} {:>11} {:>10} {:>11}  hash", "seed", "drove", "reversed", "suffered", "distance", "clearance", "speed", "× real time")?;
+    writeln!(
+        out,
+        "{:>8} {:>7} {:>9} {:>9} {:>10} {:>11} {:>10} {:>11}  hash",
+        "seed", "drove", "reversed", "suffered", "distance", "clearance", "speed", "× real time"
+    )?;
     let row = |out: &mut dyn Write, name: String, contacts: [u64; 3], r: &RunResult| {
         writeln!(
             out,
             "{name:>8} {:>7} {:>9} {:>9} {:>8.1} m {:>8.3} m {:>6.3} m/s {:>11.0}  {}",
-            contacts[0], contacts[1], contacts[2], r.distance_m, r.least_clearance_m, r.mean_speed_m_s, r.realtime_factor, r.hash
+            contacts[0],
+            contacts[1],
+            contacts[2],
+            r.distance_m,
+            r.least_clearance_m,
+            r.mean_speed_m_s,
+            r.realtime_factor,
+            r.hash
         )
     };
     for run in runs {
@@ -105,7 +117,10 @@ fn parse_seeds(text: &str) -> Result<std::ops::Range<u64>, Failure> {
     let parsed = text.split_once("..").and_then(|(a, b)| Some(a.trim().parse().ok()?..b.trim().parse().ok()?));
     match parsed {
         Some(range) if range.start < range.end && range.end - range.start <= 1_000_000 => Ok(range),
-        _ => Err(Failure::new(USAGE, format!("--seeds {text}: write A..B with A below B and at most a million seeds, as in 0..100"))),
+        _ => Err(Failure::new(
+            USAGE,
+            format!("--seeds {text}: write A..B with A below B and at most a million seeds, as in 0..100"),
+        )),
     }
 }
 

@@ -10,15 +10,15 @@ use supervisor::Outcome;
 
 /// The robot now.
 pub fn of_picture(picture: &Picture, nodes: &Nodes) -> Value {
-    let pose = picture.pose.unwrap_or_default();
+    let pose = picture.pose;
     let velocity = picture.velocity();
     let contacts = picture.truth.map(|truth| truth.contacts);
     json!({
         "event": "state",
         "time_s": picture.watched_s,
-        "x_m": pose.x_m,
-        "y_m": pose.y_m,
-        "heading_rad": pose.heading_rad,
+        "x_m": pose.map(|pose| pose.x_m),
+        "y_m": pose.map(|pose| pose.y_m),
+        "heading_rad": pose.map(|pose| pose.heading_rad),
         "speed_m_s": velocity.map(|velocity| velocity.linear_x_m_s),
         "turn_rad_s": velocity.map(|velocity| velocity.angular_z_rad_s),
         "battery_v": picture.base.map(|base| base.battery_v).filter(|volts| volts.is_finite()),

@@ -7,7 +7,10 @@ use messages::MotionState;
 
 /// One line about the robot now.
 pub fn status(picture: &Picture, nodes: &Nodes) -> String {
-    let pose = picture.pose.unwrap_or_default();
+    let pose = match picture.pose {
+        Some(pose) => format!("x {:6.2}  y {:6.2} m  {:4.0}°", pose.x_m, pose.y_m, pose.heading_rad.to_degrees()),
+        None => "x      -  y      - m     -°".into(),
+    };
     let speed = picture.velocity().map_or(f64::NAN, |velocity| velocity.linear_x_m_s);
     let battery = match picture.base.map(|base| base.battery_v) {
         Some(volts) if volts.is_finite() => format!("{volts:4.1} V"),
@@ -24,11 +27,8 @@ pub fn status(picture: &Picture, nodes: &Nodes) -> String {
     let stop =
         picture.motion.as_ref().and_then(stop_reason).map(|reason| format!("  held: {reason}")).unwrap_or_default();
     format!(
-        "{}  x {:6.2}  y {:6.2} m  {:4.0}°  {}  {battery}{contacts}  nodes {}/{}{restarts}{stop}",
+        "{}  {pose}  {}  {battery}{contacts}  nodes {}/{}{restarts}{stop}",
         clock(picture.watched_s),
-        pose.x_m,
-        pose.y_m,
-        pose.heading_rad.to_degrees(),
         metres_per_second(speed),
         nodes.up(),
         nodes.rows.len()

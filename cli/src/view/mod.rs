@@ -146,7 +146,7 @@ fn talk(watch: &mut Watch, nodes: &mut Nodes, run: &mut Run<'_>, say: Say<'_>) -
         let news = run.news(now);
         nodes.hear(&news);
         watch.collect(now);
-        let due = now >= next && !over && watch.picture().is_moving_world();
+        let due = now >= next && !over;
         if now >= next {
             next = now.after_s(1.0);
             nodes.read(watch.tree(), now);

@@ -163,7 +163,7 @@ fn heading(watch: &Watch, nodes: &Nodes, stopping: bool) -> Line<'static> {
     Line::from(vec![
         Span::styled(picture.name.clone(), bold),
         Span::raw(world),
-        Span::raw(format!("  {}  ", clock(picture.watched_s))),
+        Span::raw(format!("  {}  ", clock(picture.watched_s).trim_start())),
         Span::styled(word, Style::new().fg(color)),
         Span::styled(
             format!("  x {x_m:.2}  y {y_m:.2} m  {:.0}°", pose.heading_rad.to_degrees()),

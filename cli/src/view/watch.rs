@@ -50,11 +50,6 @@ pub struct Picture {
 }
 
 impl Picture {
-    /// Whether anything is known of where the robot is.
-    pub fn is_moving_world(&self) -> bool {
-        self.pose.is_some()
-    }
-
     /// Velocity of the body: the true one where it is known.
     pub fn velocity(&self) -> Option<Twist> {
         self.truth.map(|truth| truth.velocity).or(self.odometry.map(|odometry| odometry.velocity))

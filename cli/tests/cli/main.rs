@@ -1,5 +1,6 @@
 //! The program as people and scripts meet it: every command run as a process, on channels that the test itself fills.
 
+mod call;
 mod cat;
 mod drive;
 mod files;

@@ -75,7 +75,9 @@ pub fn run(args: Args, types: &[NodeType]) -> Result<(), Failure> {
     let robot = args.robot.as_deref();
     let channel = || channel::run(part);
     let idle = || idle::run(robot, length_s.unwrap_or(IDLE_S * part), types);
-    let reflex = || reflex::run(robot, length_s.unwrap_or(REFLEX_S * part), types);
+    // A document wants a tail of more than a handful.
+    let reflex_s = if matches!(args.what, What::All { .. }) { 3.0 * REFLEX_S } else { REFLEX_S };
+    let reflex = || reflex::run(robot, length_s.unwrap_or(reflex_s * part), types);
     let simulate = || simulate::run(robot, part, types);
     let benches: Vec<&dyn Fn() -> Result<Report, Failure>> = match &args.what {
         What::Channel => vec![&channel],

@@ -13,40 +13,50 @@ const PRIORITY: u8 = 80;
 pub enum Placement {
     /// Both on one core, SCHED_FIFO where it is granted: the cost of the software.
     SameCore,
-    /// Wherever the kernel puts them, SCHED_OTHER: includes waking another core.
+    /// A core each, SCHED_FIFO where it is granted: what waking another core adds.
+    TwoCores,
+    /// Wherever the kernel puts them, SCHED_OTHER: one or two cores, as it comes.
     Free,
 }
 
 impl Placement {
-    /// All.
-    pub const ALL: [Placement; 2] = [Placement::SameCore, Placement::Free];
+    /// Those that this machine has the cores for.
+    pub fn all() -> Vec<Placement> {
+        let mut all = vec![Placement::SameCore, Placement::TwoCores, Placement::Free];
+        all.retain(|placement| *placement != Placement::TwoCores || processors().len() > 1);
+        all
+    }
 
     /// Its name in rows.
     pub fn name(self) -> &'static str {
         match self {
             Placement::SameCore => "same_core",
+            Placement::TwoCores => "two_cores",
             Placement::Free => "free",
         }
     }
 
-    /// Puts the calling thread there; says how it is scheduled now.
-    pub fn enter(self) -> String {
-        match self {
-            Placement::Free => {
-                realtime::apply(&RealtimeTable::default(), PRIORITY, "bench");
-                "SCHED_OTHER, not pinned".into()
-            }
-            Placement::SameCore => {
-                let core = processors().last().copied().unwrap_or(0);
-                let pinned = if pin(core) { format!("pinned to core {core}") } else { "not pinned".into() };
-                let wishes = RealtimeTable { scheduler: Scheduler::Fifo, lock_memory: false, runaway_ms: 0 };
-                match realtime::apply(&wishes, PRIORITY, "bench").scheduler {
-                    Grant::Granted(what) => format!("{what}, {pinned}"),
-                    _ => format!("SCHED_OTHER (SCHED_FIFO refused), {pinned}"),
-                }
-            }
+    /// Puts the calling thread there, in the first or the second process; says how it is scheduled now.
+    pub fn enter(self, second: bool) -> String {
+        if self == Placement::Free {
+            realtime::apply(&RealtimeTable::default(), PRIORITY, "bench");
+            return "SCHED_OTHER, not pinned".into();
+        }
+        let cores = processors();
+        let back = if second && self == Placement::TwoCores { 2 } else { 1 };
+        let core = cores.len().checked_sub(back).map_or(0, |index| cores[index]);
+        let pinned = if pin(core) { format!("pinned to core {core}") } else { "not pinned".into() };
+        let wishes = RealtimeTable { scheduler: Scheduler::Fifo, lock_memory: false, runaway_ms: 0 };
+        match realtime::apply(&wishes, PRIORITY, "bench").scheduler {
+            Grant::Granted(what) => format!("{what}, {pinned}"),
+            _ => format!("SCHED_OTHER (SCHED_FIFO refused), {pinned}"),
         }
     }
+}
+
+/// Whether two answers of [`Placement::enter`] name the same scheduling, whatever the core.
+pub fn is_alike(one: &str, other: &str) -> bool {
+    one.split(',').next() == other.split(',').next()
 }
 
 /// Keeps the calling thread on `core`.

@@ -55,9 +55,10 @@ pub fn run(args: Args, types: &[NodeType]) -> Result<(), Failure> {
     is_listened_to(&robot)?;
     let mut watch = Watch::open(&live.folder, &robot)?;
     let teleop = Teleop::start(&live.tree)?;
-    let terminal = Terminal::take()?;
+    let mut terminal = Terminal::take()?;
+    // Given back before the terminal is: the keyboard's mode belongs to the second screen.
     let keyboard = Keyboard::take();
-    screen::drive(terminal, &mut watch, &teleop, &mut Hold::new(keyboard.way), limits)
+    screen::drive(&mut terminal, &mut watch, &teleop, &mut Hold::new(keyboard.way), limits)
 }
 
 fn limits(args: &Args, robot: &Robot) -> Result<Limits, Failure> {

@@ -39,7 +39,7 @@ enum Meaning {
 
 /// Drives until the person leaves.
 pub fn drive(
-    mut terminal: Terminal,
+    terminal: &mut Terminal,
     watch: &mut Watch,
     teleop: &Teleop,
     hold: &mut Hold,
@@ -74,6 +74,9 @@ pub fn drive(
             if cursor::position().is_ok() {
                 hold.sign_of_life(clock::now());
             }
+        }
+        if teleop.is_lost() {
+            return Err(Failure::new(NOT_RUNNING, "the robot was stopped while you drove it"));
         }
         watch.collect(now);
         if watch.picture().base.is_some() || watch.picture().odometry.is_some() {

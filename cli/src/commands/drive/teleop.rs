@@ -39,6 +39,7 @@ pub struct Wish {
 pub struct Teleop {
     wish: Arc<Mutex<Wish>>,
     stop: Arc<AtomicBool>,
+    lost: Arc<AtomicBool>,
     thread: Option<JoinHandle<()>>,
     tree: Tree,
 }
@@ -52,12 +53,18 @@ impl Teleop {
             }
             e => Failure::from(e),
         })?;
-        let (wish, stop) = (Arc::new(Mutex::new(Wish::default())), Arc::new(AtomicBool::new(false)));
+        let (wish, stop, lost) = (Arc::new(Mutex::new(Wish::default())), Arc::default(), Arc::default());
         let thread = std::thread::Builder::new().name("teleop".into()).spawn({
-            let (wish, stop, tree) = (wish.clone(), stop.clone(), tree.clone());
-            move || write(writer, &tree, &wish, &stop)
+            let (wish, stop, lost) = (Arc::clone(&wish), Arc::clone(&stop), Arc::clone(&lost));
+            move || write(writer, &wish, &stop, &lost)
         })?;
-        Ok(Teleop { wish, stop, thread: Some(thread), tree: tree.clone() })
+        Ok(Teleop { wish, stop, lost, thread: Some(thread), tree: tree.clone() })
+    }
+
+    /// Whether nobody can read the proposals any more: the robot was stopped, and perhaps started anew. A new ring
+    /// would be made in a folder that its owner has cleared.
+    pub fn is_lost(&self) -> bool {
+        self.lost.load(Ordering::Acquire)
     }
 
     /// What the person wants from now on.
@@ -72,8 +79,10 @@ impl Drop for Teleop {
         if let Some(thread) = self.thread.take() {
             let _ = thread.join();
         }
-        // A robot that was stopped meanwhile has removed it already.
-        let _ = self.tree.remove(PATH);
+        // What was lost is gone already, or somebody else's by now.
+        if !self.is_lost() {
+            let _ = self.tree.remove(PATH);
+        }
     }
 }
 
@@ -91,20 +100,14 @@ fn open(tree: &Tree) -> Result<RawWriter, ChannelError> {
     tree.writer(PATH, &geometry, Claim::Continue)
 }
 
-fn write(writer: RawWriter, tree: &Tree, wish: &Mutex<Wish>, stop: &AtomicBool) {
-    let mut writer = Some(writer);
+fn write(mut writer: RawWriter, wish: &Mutex<Wish>, stop: &AtomicBool, lost: &AtomicBool) {
     let mut next = clock::now();
     while !stop.load(Ordering::Acquire) {
         let now = clock::now();
         let proposal = proposal(*wish.lock().unwrap_or_else(PoisonError::into_inner), now);
-        if let Some(open) = &mut writer
-            && open.publish(now.nanos(), bytes_of(&proposal), &[]).lost
-        {
-            writer = None;
-        }
-        // The robot was started anew under our hands: its folder is another one.
-        if writer.is_none() {
-            writer = open(tree).ok();
+        if writer.publish(now.nanos(), bytes_of(&proposal), &[]).lost {
+            lost.store(true, Ordering::Release);
+            return;
         }
         next = next.after_s(PERIOD_S).max(clock::now());
         clock::sleep_until(next);
@@ -147,6 +150,17 @@ mod tests {
         assert_eq!(tree.members("/actions/*/proposal").unwrap(), [PATH]);
         drop(teleop);
         assert!(tree.members("/actions/*/proposal").unwrap().is_empty());
+    }
+
+    #[test]
+    fn a_robot_that_was_stopped_is_not_given_a_new_ring() {
+        let tree = Tree::local();
+        let teleop = Teleop::start(&tree).unwrap();
+        tree.remove(PATH).unwrap();
+        while !teleop.is_lost() {
+            std::thread::yield_now();
+        }
+        assert!(tree.list().unwrap().is_empty());
     }
 
     #[test]

@@ -9,6 +9,9 @@ use iceoryx2::port::subscriber::Subscriber;
 use iceoryx2::prelude::*;
 use std::path::Path as FilePath;
 
+/// Its folder below the line's.
+const ROOT: &str = "i";
+
 /// One end.
 pub struct Services {
     publisher: Publisher<ipc::Service, [u8], ()>,
@@ -20,9 +23,27 @@ pub struct Services {
     _node: Node<ipc::Service>,
 }
 
+/// Begin of the names of its shared memory, which lies outside of its folder; `folder` is that of the line or of the
+/// run. Short, because it becomes part of the names of sockets, of which the kernel allows 107 bytes.
+fn prefix(folder: &FilePath) -> String {
+    let names = folder.components().map(|part| part.as_os_str().to_string_lossy());
+    let run = names.filter(|name| name.starts_with('.')).last().unwrap_or_default();
+    format!("b{}_", run.trim_start_matches(|c: char| !c.is_ascii_digit()))
+}
+
+/// Removes what the answering processes, which are killed, left in shared memory.
+pub fn clean(folder: &FilePath) {
+    let prefix = prefix(folder);
+    for entry in std::fs::read_dir("/dev/shm").into_iter().flatten().flatten() {
+        if entry.file_name().to_string_lossy().starts_with(&prefix) {
+            let _ = std::fs::remove_file(entry.path());
+        }
+    }
+}
+
 /// Makes the folder of its files.
 pub fn prepare(folder: &FilePath) -> Result<(), Failure> {
-    Ok(std::fs::create_dir_all(folder.join("iceoryx2"))?)
+    Ok(std::fs::create_dir_all(folder.join(ROOT))?)
 }
 
 fn text(error: impl std::fmt::Debug) -> Failure {
@@ -33,9 +54,10 @@ impl Services {
     /// Opens one end; whoever comes first makes the services.
     pub fn open(folder: &FilePath, size: usize, end: End) -> Result<Services, Failure> {
         set_log_level(LogLevel::Error);
-        let root = folder.join("iceoryx2").display().to_string();
+        let root = folder.join(ROOT).display().to_string();
         let mut config = Config::default();
         config.global.set_root_path(&Path::new(root.as_bytes()).map_err(text)?);
+        config.global.prefix = FileName::new(prefix(folder).as_bytes()).map_err(text)?;
         let node = NodeBuilder::new().config(&config).create::<ipc::Service>().map_err(text)?;
         let (written, read) = match end {
             End::Asking => ("there", "back"),

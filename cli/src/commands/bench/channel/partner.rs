@@ -30,7 +30,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
             std::process::exit(0);
         })?;
     }
-    let scheduling = args.placement.enter();
+    let scheduling = args.placement.enter(true);
     let mut stdout = std::io::stdout().lock();
     writeln!(stdout, "{scheduling}")?;
     stdout.flush()?;

@@ -28,8 +28,8 @@ use std::process::{Child, Command, Stdio};
 const PRIORITY: u8 = 90;
 /// Most SIPs in a second.
 const MOST_PER_S: f64 = 100.0;
-/// The ramp of the turn is taken out of the way: else an answer shows only after several steps [rad/s²].
-const TURN_RAMP: &str = "body.turn_acceleration_rad_s2=1000.0";
+/// The ramp of the turn is taken out of the way: two steps may follow each other within 50 µs [rad/s²].
+const TURN_RAMP: &str = "body.turn_acceleration_rad_s2=1000000.0";
 
 /// Upper edges of the histogram [µs].
 const EDGES_US: [u64; 9] = [100, 200, 300, 500, 1_000, 2_000, 5_000, 10_000, 50_000];
