@@ -1,7 +1,7 @@
 //! Ways out of where small turns do not help, without odometry: only the readings tell whether the robot moves.
 //!
 //! Begins when the robot is boxed in, when the readings stay as they are although turns are asked for, or when more
-//! turns than a full circle needs have not freed the way ahead. Tries in turn: back while turning to the roomier side,
+//! turns than a full circle needs have not led out. Tries in turn: back while turning to the roomier side,
 //! back while turning to the other, on while turning to the roomier, a turn on the spot to the other, straight back. A
 //! try that moves nothing gives way to the next at once; one that does lasts longer each time.
 
@@ -19,7 +19,7 @@ pub struct EscapeConfig {
     pub futile_packets: u32,
     /// A reading has changed when it differs by more than this [m].
     pub changed_m: f64,
-    /// Packets with something straight ahead after which turning has not helped.
+    /// Packets with something to turn away from, less those without, after which turning has not helped.
     pub patience_packets: u32,
     /// Packets that the first try lasts; each further one lasts longer by as many.
     pub packets: u32,
@@ -101,8 +101,8 @@ pub struct Escape {
     /// Nearest distance per sector when they last changed, and packets since.
     mark_m: [f64; MAX_SECTORS],
     still: u32,
-    /// Packets with something straight ahead since the last try.
-    ahead: u32,
+    /// Packets with something to turn away from, less those without, since the last try.
+    turning: u32,
 }
 
 impl Escape {
@@ -117,17 +117,8 @@ impl Escape {
         self.hold > 0
     }
 
-    /// Takes in one packet. `acts`: something is acted upon; `ahead`: straight ahead; `boxed_in`: all round; `side`: the
-    /// better one to turn to.
-    pub fn take_in(
-        &mut self,
-        forces: &Forces,
-        acts: bool,
-        ahead: bool,
-        boxed_in: bool,
-        side: Side,
-        config: &EscapeConfig,
-    ) {
+    /// Takes in one packet. `acts`: something is acted upon; `boxed_in`: all round; `side`: the better one to turn to.
+    pub fn take_in(&mut self, forces: &Forces, acts: bool, boxed_in: bool, side: Side, config: &EscapeConfig) {
         self.watch(forces, config.changed_m);
         self.hold = self.hold.saturating_sub(1);
         if let Some((way_out, left)) = self.now {
@@ -143,8 +134,8 @@ impl Escape {
             // Nobody asks for a turn: standing still is somebody else's wish.
             self.still = 0;
         }
-        self.ahead = if ahead { self.ahead + 1 } else { self.ahead.saturating_sub(1) };
-        if boxed_in || self.still >= config.still_packets || self.ahead > config.patience_packets {
+        self.turning = if acts { self.turning + 1 } else { self.turning.saturating_sub(1) };
+        if boxed_in || self.still >= config.still_packets || self.turning > config.patience_packets {
             self.begin(side, config);
         }
     }
@@ -174,7 +165,7 @@ impl Escape {
         let packets = config.packets.saturating_mul(self.tries).min(config.most_packets).max(1);
         self.now = Some((way_out, packets));
         self.still = 0;
-        self.ahead = 0;
+        self.turning = 0;
     }
 }
 
@@ -205,12 +196,12 @@ mod tests {
     }
 
     /// The tries that come up in `packets` packets, each with its length; readings change as `nearest_m` says.
-    fn tries(packets: u32, ahead: bool, mut nearest_m: impl FnMut(u32) -> [f64; 3]) -> Vec<(WayOut, u32)> {
+    fn tries(packets: u32, mut nearest_m: impl FnMut(u32) -> [f64; 3]) -> Vec<(WayOut, u32)> {
         let mut escape = Escape::default();
         let mut all: Vec<(WayOut, u32)> = Vec::new();
         let mut before = 0;
         for k in 0..packets {
-            escape.take_in(&forces(nearest_m(k)), true, ahead, false, Side::Left, &CONFIG);
+            escape.take_in(&forces(nearest_m(k)), true, false, Side::Left, &CONFIG);
             if let Some(way_out) = escape.way_out() {
                 if escape.tries > before {
                     before = escape.tries;
@@ -226,7 +217,7 @@ mod tests {
 
     #[test]
     fn where_nothing_changes_each_try_gives_way_to_the_next() {
-        let all = tries(70, true, |_| [0.3; 3]);
+        let all = tries(70, |_| [0.3; 3]);
         let kinds: Vec<(Way, Option<Side>)> = all.iter().take(5).map(|(try_, _)| (try_.way, try_.side)).collect();
         assert_eq!(
             kinds,
@@ -244,21 +235,21 @@ mod tests {
     #[test]
     fn tries_that_move_the_robot_grow() {
         let moving = |k: u32| [0.3 + 0.1 * f64::from(k % 2), 0.5 - 0.1 * f64::from(k % 2), 1.0];
-        let all = tries(900, true, moving);
+        let all = tries(900, moving);
         assert!(all.len() >= 3 && all[0].1 == 12 && all[1].1 == 24 && all[2].1 == 36, "{all:?}");
     }
 
     #[test]
     fn a_lost_echo_is_no_motion_and_a_turn_is() {
-        assert!(!tries(40, true, |k| [0.3, if k % 3 == 0 { 3.0 } else { 0.4 }, 0.5]).is_empty());
-        assert!(tries(40, true, |k| [0.3 + 0.03 * f64::from(k), 0.4, 3.0 - 0.03 * f64::from(k)]).is_empty());
+        assert!(!tries(40, |k| [0.3, if k % 3 == 0 { 3.0 } else { 0.4 }, 0.5]).is_empty());
+        assert!(tries(40, |k| [0.3 + 0.03 * f64::from(k), 0.4, 3.0 - 0.03 * f64::from(k)]).is_empty());
     }
 
     #[test]
     fn a_robot_that_has_nothing_to_turn_away_from_may_stand_as_long_as_it_likes() {
         let mut escape = Escape::default();
         for _ in 0..500 {
-            escape.take_in(&forces([2.0; 3]), false, false, false, Side::Left, &CONFIG);
+            escape.take_in(&forces([2.0; 3]), false, false, Side::Left, &CONFIG);
         }
         assert_eq!(escape.way_out(), None);
     }

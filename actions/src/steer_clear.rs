@@ -6,9 +6,9 @@
 //!   strongest of them: a turn rate that expires with the packet. Never a computed large turn.
 //! - A packet brings new readings of a few discs only. What they show beside the way is acted upon once: between two
 //!   jambs the packets of the left and of the right discs take turns, and the robot wiggles through.
-//! - While something is straight ahead every packet turns. Where the intuitive turn leads towards a further sector with
-//!   M > 1, the sums of force left and right decide. The side is kept, unless the other has become clearly the freer one,
-//!   and that not over and over: a corner would hold the robot by turning it to and fro.
+//! - While something is straight ahead every packet turns, and the turn leads into what is on that side: there the sums
+//!   of force left and right decide. The side is kept, unless the other has become clearly the freer one, and that not
+//!   over and over: a corner would hold the robot by turning it to and fro.
 //! - Blocked all round: a small turning reverse. So too when the small turns do not help: the readings stay as they are,
 //!   which without odometry says that the robot does, or a full circle's worth of turns has not freed the way. Each
 //!   further try is longer and of another kind ([`crate::escape`]), until the way has been free for a while.
@@ -35,8 +35,6 @@ pub struct SteerClearConfig {
     pub sectors: Vec<Sector>,
     /// Sectors whose middle is within this angle are straight ahead [rad].
     pub ahead_rad: f64,
-    /// Sums of force left and right that differ by no more than this balance.
-    pub balance: f64,
     /// The side that is being turned to is given up when its sum of force exceeds the other's by more than this.
     pub switch_excess: f64,
     /// How often it is given up before the way has been free for a while.
@@ -70,7 +68,6 @@ impl Default for SteerClearConfig {
             b_per_m: 1.0,
             sectors,
             ahead_rad: 20.0 * deg,
-            balance: 0.15,
             switch_excess: 1.5,
             most_switches: 2,
             turn_per_packet_rad: 3.0 * deg,
@@ -206,7 +203,7 @@ pub fn steer(beams: &[Beam], config: &SteerClearConfig, memory: &mut Memory) -> 
         };
         proposal.turn = way_out.side.map_or(Axis::NONE, turn);
         proposal.urgency = 1.0;
-    } else if let Some(side) = sees.away(memory.kept, config.balance) {
+    } else if let Some(side) = sees.away(memory.kept) {
         proposal.turn = turn(side);
         if sees.ahead && memory.escape.holds() {
             proposal.forward = no_forward;
@@ -218,8 +215,7 @@ pub fn steer(beams: &[Beam], config: &SteerClearConfig, memory: &mut Memory) -> 
 /// What is known after one packet.
 #[derive(Debug, Clone, Copy)]
 struct Sight {
-    /// Side of the strongest sector with M > 1, among all and among those that this packet renewed.
-    strongest: Option<Side>,
+    /// Side of the strongest sector with M > 1 among those that this packet renewed.
     renewed: Option<Side>,
     /// Whether some sector on the left, on the right, straight ahead is acted upon.
     left: bool,
@@ -237,7 +233,6 @@ struct Sight {
 impl Sight {
     fn of(forces: &Forces, config: &SteerClearConfig) -> Sight {
         let mut sight = Sight {
-            strongest: None,
             renewed: None,
             left: false,
             right: false,
@@ -248,7 +243,7 @@ impl Sight {
             left_all: 0.0,
             right_all: 0.0,
         };
-        let (mut greatest, mut greatest_renewed) = (1.0, 1.0);
+        let mut greatest = 1.0;
         for (k, sector) in config.sectors.iter().enumerate().take(forces.count) {
             let side = if sector.middle_rad() >= 0.0 { Side::Left } else { Side::Right };
             let (acts, force) = (forces.acts(k), forces.force[k]);
@@ -264,12 +259,8 @@ impl Sight {
             *any = true;
             *sum += force;
             sight.ahead |= sector.middle_rad().abs() <= config.ahead_rad;
-            if force > greatest {
+            if force > greatest && forces.age_s[k] <= 0.5 * config.packet_s {
                 greatest = force;
-                sight.strongest = Some(side);
-            }
-            if force > greatest_renewed && forces.age_s[k] <= 0.5 * config.packet_s {
-                greatest_renewed = force;
                 sight.renewed = Some(side);
             }
         }
@@ -282,7 +273,7 @@ impl Sight {
     }
 
     fn acts(&self) -> bool {
-        self.strongest.is_some()
+        self.left || self.right
     }
 
     /// The side with less force.
@@ -291,25 +282,8 @@ impl Sight {
     }
 
     /// The side to turn to, if at all.
-    fn away(&self, kept: Option<Side>, balance: f64) -> Option<Side> {
-        if !self.ahead {
-            return self.renewed.map(Side::other);
-        }
-        if kept.is_some() {
-            return kept;
-        }
-        let away = self.strongest?.other();
-        let further = match away {
-            Side::Left => self.left,
-            Side::Right => self.right,
-        };
-        if !further {
-            return Some(away);
-        }
-        if (self.left_sum - self.right_sum).abs() <= balance {
-            return Some(self.roomier());
-        }
-        Some(if self.left_sum > self.right_sum { Side::Right } else { Side::Left })
+    fn away(&self, kept: Option<Side>) -> Option<Side> {
+        if self.ahead { kept.or(Some(self.roomier())) } else { self.renewed.map(Side::other) }
     }
 }
 
@@ -325,11 +299,11 @@ impl Memory {
             self.kept = self.kept.map(Side::other);
             self.switches += 1;
         } else {
-            self.kept = if sees.ahead { sees.away(self.kept, config.balance) } else { None };
+            self.kept = if sees.ahead { sees.away(self.kept) } else { None };
         }
         let boxed_in = sees.blocked && sees.acts();
         let side = self.kept.unwrap_or(sees.roomier());
-        self.escape.take_in(forces, sees.acts(), sees.ahead, boxed_in, side, &config.escape);
+        self.escape.take_in(forces, sees.acts(), boxed_in, side, &config.escape);
     }
 }
 

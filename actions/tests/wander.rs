@@ -1,4 +1,5 @@
 //! The nodes `forward` and `steer_clear` on a bench.
+#![allow(clippy::unwrap_used, reason = "tests")]
 
 use actions::forward::Forward;
 use actions::steer_clear::SteerClear;

@@ -48,10 +48,10 @@ impl Arbitration {
             [(&proposal.forward, speed), (&proposal.sideways, speed), (&proposal.turn, turn)];
         for (k, (axis, words)) in axes.into_iter().enumerate() {
             self.caps[k].tighten(axis);
-            if let Some(opinion) = Opinion::of(axis, weight, proposal.urgency, words) {
-                if self.opinions[k].len() < CAPACITY {
-                    self.opinions[k].push(opinion);
-                }
+            if let Some(opinion) = Opinion::of(axis, weight, proposal.urgency, words)
+                && self.opinions[k].len() < CAPACITY
+            {
+                self.opinions[k].push(opinion);
             }
         }
     }

@@ -1,4 +1,5 @@
 //! The node `arbiter` on a bench: members of the set come and go, wander emerges.
+#![allow(clippy::unwrap_used, reason = "tests")]
 
 use coordinator::arbiter::Arbiter;
 use messages::{Axis, CoordinatorState, Proposal, Twist};

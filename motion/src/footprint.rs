@@ -259,7 +259,7 @@ fn crossings(a: Corner, b: Corner, radius_sq: f64) -> [Option<(f64, f64)>; 2] {
     let root = root_sq.sqrt();
     [-root, root].map(|root| {
         let t = (root - half) / length_sq;
-        (-1e-12..=1.0 + 1e-12).contains(&t).then(|| (a.0 + t * ex, a.1 + t * ey))
+        (-1e-12..=1.0 + 1e-12).contains(&t).then_some((a.0 + t * ex, a.1 + t * ey))
     })
 }
 

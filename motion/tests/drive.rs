@@ -1,4 +1,5 @@
 //! The node `drive` on a bench: what comes in, what goes out.
+#![allow(clippy::unwrap_used, reason = "tests")]
 
 use messages::{BaseState, Beam, Command, Echo, Link, MotionState, Odometry, Ranges, Stop, Twist};
 use motion::drive::Drive;

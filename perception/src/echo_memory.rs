@@ -78,7 +78,7 @@ impl Default for MemoryConfig {
             denies_askance_rad: 0.5,
             confirmed_from_m: 0.03,
             explains_from: 3,
-            explained_within_m: 0.05,
+            explained_within_m: 0.03,
             most_confirmations: 4,
             near_m: 0.35,
             recall_s: 10.0,

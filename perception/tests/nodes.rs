@@ -1,4 +1,5 @@
 //! The nodes `odometry` and `echoes` on a bench.
+#![allow(clippy::unwrap_used, reason = "tests")]
 
 use messages::{Beam, Echo, Odometry, Ranges, Twist};
 use perception::echoes::Echoes;

@@ -106,7 +106,9 @@ mod tests {
     #[test]
     fn every_time_is_counted_between_two_edges() {
         let mut times = Times::default();
-        [5, 10, 11, 500].map(|length| times.push(Time::ZERO, Time::from_nanos(length)));
+        for length in [5, 10, 11, 500] {
+            times.push(Time::ZERO, Time::from_nanos(length));
+        }
         assert_eq!(times.counts(&[10, 20, 100]), [2, 1, 0, 1]);
         assert!(!times.is_empty() && Times::default().is_empty());
     }

@@ -21,6 +21,9 @@ use line::Engine;
 use partner::Partner;
 use runtime::clock;
 
+/// Round trips, costs of single operations by name and size, and remarks.
+type Figures = (Vec<Measured>, Vec<(&'static str, usize, Times)>, Vec<String>);
+
 /// Payload [byte] and round trips per engine.
 const SIZES: [(usize, usize); 4] = [(64, 20_000), (3 * 1024, 20_000), (230 * 1024, 5_000), (1024 * 1024, 2_000)];
 /// Turns that an engine gets.
@@ -44,7 +47,7 @@ pub fn run(part: f64) -> Result<Report, Failure> {
     let before = Before::now();
     let witnesses = Witnesses::start()?;
     // A thread of its own: what it does to its scheduling ends with it.
-    let measure = || -> Result<(Vec<Measured>, Vec<(&str, usize, Times)>, Vec<String>), Failure> {
+    let measure = || -> Result<Figures, Failure> {
         let (mut all, mut scheduling) = (Vec::new(), Vec::new());
         for placement in Placement::all() {
             let place = scratch.path();
