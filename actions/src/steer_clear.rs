@@ -140,7 +140,6 @@ fn check(config: &SteerClearConfig) -> Result<(), String> {
     for (key, value) in [
         ("reverse_m_s", c.reverse_m_s),
         ("ahead_rad", c.ahead_rad),
-        ("balance", c.balance),
         ("switch_excess", c.switch_excess),
         ("urgency", c.urgency),
     ] {

@@ -30,8 +30,10 @@ pub struct DriveConfig {
     pub creep_m_s: f64,
     /// Way left when the body has come to rest from creeping [m].
     pub creep_margin_m: f64,
-    /// Added to either side of the body when it goes straight [m].
+    /// Added to either side of the body [m].
     pub side_margin_m: f64,
+    /// Added to either side, too, at 0.15 m/s or faster, in proportion when slower [m].
+    pub speed_margin_m: f64,
     /// Added all round when it turns at 0.3 rad/s or faster, in proportion when slower [m].
     pub turn_margin_m: f64,
     /// How much of either edge is cut off at the body's corners; 0 for a plain rectangle [m].
@@ -65,6 +67,7 @@ impl Default for DriveConfig {
             creep_m_s: 0.05,
             creep_margin_m: 0.015,
             side_margin_m: 0.01,
+            speed_margin_m: 0.02,
             turn_margin_m: 0.015,
             cut_corners_m: 0.0,
             looks_max_age_s: 0.6,
@@ -197,6 +200,7 @@ fn check(config: &DriveConfig) -> Result<(), String> {
         ("creep_m_s", c.creep_m_s),
         ("creep_margin_m", c.creep_margin_m),
         ("side_margin_m", c.side_margin_m),
+        ("speed_margin_m", c.speed_margin_m),
         ("turn_margin_m", c.turn_margin_m),
         ("cut_corners_m", c.cut_corners_m),
         ("looks_max_age_s", c.looks_max_age_s),

@@ -46,6 +46,7 @@ impl SafeMotion {
                     creep_margin_m: config.creep_margin_m.min(config.margin_m),
                 },
                 side_margin_m: config.side_margin_m,
+                speed_margin_m: config.speed_margin_m,
                 turn_margin_m: config.turn_margin_m,
             },
             limits: Limits {

@@ -96,32 +96,38 @@ pub struct Zone {
     pub footprint: Footprint,
     /// What it needs to come to rest.
     pub braking: Braking,
-    /// Added to the sides when it goes straight: less than half of what the narrowest opening leaves [m].
+    /// Added to the sides always: less than half of what the narrowest opening leaves [m].
     pub side_margin_m: f64,
+    /// Added to the sides, too, at [`FULL_SPEED_M_S`] or faster, in proportion when slower: places are known the less
+    /// exactly the faster they are passed [m].
+    pub speed_margin_m: f64,
     /// Added all round when it turns at [`FULL_TURN_RAD_S`] or faster, in proportion when slower: corners swing, and no
     /// path is driven exactly as wanted [m].
     pub turn_margin_m: f64,
 }
 
+/// Speed from which on the whole speed margin counts [m/s].
+pub const FULL_SPEED_M_S: f64 = 0.15;
 /// Turn rate from which on the whole turn margin counts [rad/s].
 pub const FULL_TURN_RAD_S: f64 = 0.3;
 
 impl Zone {
-    /// The outline with the margins for a turn rate.
-    fn grown(&self, turn_rad_s: f64) -> Footprint {
-        let turn_m = self.turn_margin_m * (turn_rad_s.abs() / FULL_TURN_RAD_S).min(1.0);
+    /// The outline with the margins for a velocity.
+    fn grown(&self, velocity: Velocity) -> Footprint {
+        let turn_m = self.turn_margin_m * (velocity.turn_rad_s.abs() / FULL_TURN_RAD_S).min(1.0);
+        let speed_m = self.speed_margin_m * (velocity.forward_m_s.abs() / FULL_SPEED_M_S).min(1.0);
         let body = &self.footprint;
         Footprint {
             ahead_m: body.ahead_m + turn_m,
             behind_m: body.behind_m + turn_m,
-            half_width_m: body.half_width_m + self.side_margin_m.max(turn_m),
+            half_width_m: body.half_width_m + (self.side_margin_m + speed_m).max(turn_m),
             cut_m: body.cut_m,
         }
     }
 
     /// The share 0…1 of `velocity` that comes to rest in time, and the time to contact at the whole of it [s].
     pub fn share(&self, points: &[Point], velocity: Velocity) -> (f64, f64) {
-        let footprint = self.grown(velocity.turn_rad_s);
+        let footprint = self.grown(velocity);
         let contact_s = first_contact_s(&footprint, points, velocity);
         (self.braking.share(velocity, contact_s, footprint.corner_radius_m()), contact_s)
     }
@@ -129,7 +135,7 @@ impl Zone {
     /// Greatest speed straight ahead (`direction` 1) or back (−1) [m/s].
     pub fn straight_limit_m_s(&self, points: &[Point], direction: f64) -> f64 {
         // At 1 m/s the time to contact is the clear way.
-        let clear_m = first_contact_s(&self.grown(0.0), points, Velocity::new(direction, 0.0));
+        let clear_m = first_contact_s(&self.grown(Velocity::ZERO), points, Velocity::new(direction, 0.0));
         self.braking.speed_limit_m_s(clear_m)
     }
 
@@ -183,7 +189,8 @@ mod tests {
         creep_m_s: 0.0,
         creep_margin_m: 0.05,
     };
-    const ZONE: Zone = Zone { footprint: PIONEER, braking: BRAKING, side_margin_m: 0.01, turn_margin_m: 0.02 };
+    const ZONE: Zone =
+        Zone { footprint: PIONEER, braking: BRAKING, side_margin_m: 0.01, speed_margin_m: 0.0, turn_margin_m: 0.02 };
 
     fn at(x_m: f64, y_m: f64) -> Point {
         Point { x_m, y_m }
