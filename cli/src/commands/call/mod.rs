@@ -20,7 +20,7 @@ pub struct Args {
     /// The command
     command: Option<String>,
     /// Its message: JSON, or FIELD=VALUE for each field, or the bare value where there is one field
-    #[arg(value_name = "MESSAGE", allow_hyphen_values = true)]
+    #[arg(value_name = "MESSAGE", allow_negative_numbers = true)]
     message: Vec<String>,
     /// How long the node has to answer, or to accept a long order
     #[arg(long, value_name = "TIME", default_value = "2s")]
