@@ -94,14 +94,15 @@ fn sources(folder: &Path, found: &mut Vec<PathBuf>) {
 }
 
 #[test]
-fn no_source_file_has_more_than_600_lines() {
+fn no_source_file_has_more_than_600_lines_outside_its_tests() {
     let mut files = Vec::new();
     sources(&root(), &mut files);
     assert!(files.len() > 50, "the search found {} files only", files.len());
     for file in files {
         let inside_tests =
             file.components().any(|part| ["tests", "fuzz"].contains(&part.as_os_str().to_string_lossy().as_ref()));
-        let lines = fs::read_to_string(&file).map_or(0, |text| text.lines().count());
+        let text = fs::read_to_string(&file).unwrap_or_default();
+        let lines = text.split("#[cfg(test)]").next().map_or(0, |code| code.lines().count());
         assert!(inside_tests || lines <= 600, "{} has {lines} lines: one idea per file", file.display());
     }
 }

@@ -15,8 +15,8 @@ use simulator::world::World;
 
 /// More beams than this are drawn as points alone.
 const FEW_BEAMS: usize = 64;
-/// Points of an echo's arc.
-const ARC: usize = 5;
+/// Pieces of an echo's arc.
+const ARC: usize = 6;
 /// Corners of a drawn circle.
 const ROUND: usize = 24;
 
@@ -143,11 +143,16 @@ impl Map<'_> {
                 let line = Line { x1: from.x_m, y1: from.y_m, x2: to.0, y2: to.1, color: Color::DarkGray };
                 context.draw(&line);
             }
-            let arc = if *width_rad > 0.0 { ARC } else { 1 };
-            echoes.extend((0..arc).map(|k| {
-                let share = if arc == 1 { 0.0 } else { k as f64 / (arc - 1) as f64 - 0.5 };
-                at(bearing_rad + share * width_rad)
-            }));
+            if *width_rad == 0.0 {
+                echoes.push(at(bearing_rad));
+                continue;
+            }
+            // Somewhere on this arc: a cone does not tell where.
+            let end = |k: usize| at(bearing_rad + (k as f64 / ARC as f64 - 0.5) * width_rad);
+            for k in 0..ARC {
+                let (from, to) = (end(k), end(k + 1));
+                context.draw(&Line { x1: from.0, y1: from.1, x2: to.0, y2: to.1, color: Color::Yellow });
+            }
         }
         context.draw(&Points { coords: &echoes, color: Color::Yellow });
     }

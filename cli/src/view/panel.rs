@@ -11,8 +11,9 @@ use ratatui::text::{Line, Span};
 /// Width of the panel where there is room for no more [columns].
 pub const LEAST_WIDTH: u16 = 36;
 
-/// Columns of the node table beside the names.
+/// Columns of the node table beside the names; and of what a wide one tells more.
 const TIMES: usize = 25;
+const MORE: usize = 16;
 
 const DIM: Style = Style::new().fg(Color::DarkGray);
 const BOLD: Style = Style::new().add_modifier(Modifier::BOLD);
@@ -100,13 +101,15 @@ fn battery(picture: &Picture) -> Vec<Span<'static>> {
 fn table(nodes: &Nodes, width: usize) -> Vec<Line<'static>> {
     let name = nodes.rows.iter().map(|row| row.name().chars().count()).max().unwrap_or(0);
     let name = name.clamp(4, width.saturating_sub(TIMES).max(4));
-    let heading = format!("{:<name$} {:<9}{:>6}{:>9}", "node", "state", "Hz", "late p99");
+    let wide = width >= name + TIMES + MORE;
+    let more = if wide { format!("{:>9}{:>7}", "step p99", "missed") } else { String::new() };
+    let heading = format!("{:<name$} {:<9}{:>6}{:>9}{more}", "node", "state", "Hz", "late p99");
     let mut lines = vec![Line::styled(cut(&heading, width), DIM)];
-    lines.extend(nodes.rows.iter().map(|row| node(row, name)));
+    lines.extend(nodes.rows.iter().map(|row| node(row, name, wide)));
     lines
 }
 
-fn node(row: &NodeRow, width: usize) -> Line<'static> {
+fn node(row: &NodeRow, width: usize, wide: bool) -> Line<'static> {
     let style = match row.state {
         State::Up => GOOD,
         State::Waiting | State::Starting => WARN,
@@ -125,8 +128,15 @@ fn node(row: &NodeRow, width: usize) -> Line<'static> {
         Span::styled(word, style),
         Span::styled(times, WARN),
         Span::raw(" ".repeat(pad)),
-        Span::raw(format!("{rate:>6}{late:>9}")),
+        Span::raw(format!("{rate:>6}{late:>9}{}", if wide { more(row) } else { String::new() })),
     ])
+}
+
+/// Longest steps but one in a hundred, and steps that ended late.
+fn more(row: &NodeRow) -> String {
+    let step = row.statistics.map_or("-".into(), |statistics| span(statistics.execution_s[1]));
+    let missed = row.statistics.map_or("-".into(), |statistics| statistics.missed_deadlines.to_string());
+    format!("{step:>9}{missed:>7}")
 }
 
 /// The newest messages that fit.
@@ -168,7 +178,7 @@ fn cut(text: &str, width: usize) -> String {
 mod tests {
     use super::super::nodes::tests::nodes;
     use super::*;
-    use messages::{BaseState, MotionState, Truth};
+    use messages::{BaseState, MotionState, NodeStatistics, Truth};
 
     fn text(lines: &[Line<'_>]) -> Vec<String> {
         lines.iter().map(|line| line.spans.iter().map(|span| span.content.as_ref()).collect::<String>()).collect()
@@ -189,6 +199,17 @@ mod tests {
         assert!(lines.iter().any(|line| line == "base        up ×12     10.0   120 µs"), "{lines:#?}");
         assert!(lines.iter().any(|line| line.starts_with("contacts  0 caused  3 suffered")), "{lines:#?}");
         assert!(lines.last().unwrap().contains("restarted"), "{lines:#?}");
+    }
+
+    #[test]
+    fn a_wide_panel_tells_more_of_every_node() {
+        let mut nodes = nodes(&["/drivers/base"]);
+        let statistics =
+            NodeStatistics { missed_deadlines: 7, execution_s: [0.0, 2e-4, 0.0, 0.0], ..NodeStatistics::default() };
+        nodes.rows[0].statistics = Some(statistics);
+        let lines = text(&lines(&Picture::default(), &nodes, 60, 22));
+        assert!(lines.iter().any(|line| line.ends_with("step p99 missed")), "{lines:#?}");
+        assert!(lines.iter().any(|line| line.starts_with("base") && line.ends_with("200 µs      7")), "{lines:#?}");
     }
 
     #[test]

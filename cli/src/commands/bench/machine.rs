@@ -119,7 +119,8 @@ pub fn processors() -> Vec<usize> {
 
 fn program() -> String {
     let build = if cfg!(debug_assertions) { "development build: its figures mean nothing" } else { "release build" };
-    format!("sinew {}, {build}", env!("CARGO_PKG_VERSION"))
+    let with = if cfg!(feature = "iceoryx2") { ", with iceoryx2" } else { "" };
+    format!("sinew {}, {build}{with}", env!("CARGO_PKG_VERSION"))
 }
 
 fn file(path: &str) -> String {

@@ -3,25 +3,65 @@
 use super::report::{Report, figure, row_cells, yes_or_no};
 use std::fmt::Write;
 
-/// The whole document. `command` is what made it.
-pub fn document(reports: &[Report], command: &str) -> String {
-    let mut text = format!(
-        "# Benchmarks\n\nWritten by\n\n```sh\n{command}\n```\n\nwhich measures for a few minutes and replaces this file; \
-         nothing in it was typed. Times are in µs and unfiltered: p50, p99 and p99.9 of HDR histograms with three \
-         significant digits (what nodes count of themselves: two), and the greatest that this one run happened to see, \
-         which bounds nothing. On a shared or virtual machine whole cores are taken away now and then: a stall witness on \
-         each core (a thread at the highest priority that sleeps 1 ms at a time) notes every gap over 3 ms. *Held up* is \
-         the number of samples that overlap such a gap; *calm p99.9* leaves them out, everything else does not. A row of \
-         which more than 2 % was held up is marked **invalid**.\n"
-    );
+const TITLE: &str = "# Benchmarks";
+/// Begin of a section, up to the bench's name.
+const SECTION: &str = "## sinew bench ";
+
+/// What stands before the sections. Two commands, because node processes are measured as users have them: without
+/// iceoryx2 inside.
+const HEAD: &str = "\
+Written by
+
+```sh
+cargo run --release -p sinew -- bench --markdown docs/benchmarks.md &&
+cargo run --release -p sinew --features iceoryx2 -- bench channel --markdown docs/benchmarks.md
+```
+
+which measures for about three minutes and replaces the sections below; nothing in here was typed.
+
+Times are in µs and unfiltered: p50, p99 and p99.9 of HDR histograms with three significant digits (two in what nodes
+count of themselves), and the greatest that this one run happened to see, which bounds nothing. On a shared or virtual
+machine whole cores are taken away now and then. A stall witness on each core (a thread of the highest priority that
+sleeps 1 ms at a time) notes every gap over 3 ms: *held up* is the number of samples that overlap such a gap, and *calm
+p99.9* leaves these out; everything else does not. A row of which more than 2 % was held up is marked **invalid**.
+";
+
+/// The document with the sections of `reports` in place of those that `old` had of the same benches.
+pub fn document(old: &str, reports: &[Report]) -> String {
+    let mut sections: Vec<(String, String)> = sections(old);
     for report in reports {
-        section(&mut text, report);
+        let text = section(report);
+        match sections.iter_mut().find(|(name, _)| name == report.bench) {
+            Some((_, place)) => *place = text,
+            None => sections.push((report.bench.to_owned(), text)),
+        }
+    }
+    let mut text = format!("{TITLE}\n\n{HEAD}");
+    for (_, section) in sections {
+        text += "\n";
+        text += section.trim();
+        text += "\n";
     }
     text
 }
 
-fn section(text: &mut String, report: &Report) {
-    let _ = write!(text, "\n## sinew bench {}\n\n", report.bench);
+/// The sections of a document, by the bench's name.
+fn sections(text: &str) -> Vec<(String, String)> {
+    let mut all: Vec<(String, String)> = Vec::new();
+    for line in text.lines() {
+        if let Some(name) = line.strip_prefix(SECTION) {
+            all.push((name.trim().to_owned(), String::new()));
+        }
+        if let Some((_, section)) = all.last_mut() {
+            section.push_str(line);
+            section.push('\n');
+        }
+    }
+    all
+}
+
+fn section(report: &Report) -> String {
+    let mut text = format!("{SECTION}{}\n\n", report.bench);
     for line in report.machine.lines() {
         let (what, rest) = line.split_once(' ').unwrap_or((&line, ""));
         let _ = writeln!(text, "- {what}: {}", rest.trim());
@@ -31,7 +71,7 @@ fn section(text: &mut String, report: &Report) {
             let reached = yes_or_no(target.reached);
             vec![target.aim.clone(), target.measured.clone(), reached.to_owned()]
         });
-        table(text, &["target", "measured", "reached"], rows);
+        table(&mut text, &["target", "measured", "reached"], rows);
     }
     if !report.rows.is_empty() {
         let rows = report.rows.iter().map(|row| {
@@ -42,15 +82,16 @@ fn section(text: &mut String, report: &Report) {
             cells
         });
         let heading = ["row", "size", "p50", "p99", "p99.9", "max", "n", "held up", "calm p99.9"];
-        table(text, &heading, rows);
+        table(&mut text, &heading, rows);
     }
     if !report.values.is_empty() {
         let rows = report.values.iter().map(|value| vec![value.name.clone(), figure(value.value), value.unit.clone()]);
-        table(text, &["figure", "value", "unit"], rows);
+        table(&mut text, &["figure", "value", "unit"], rows);
     }
     for note in &report.notes {
         let _ = write!(text, "\n{note}\n");
     }
+    text
 }
 
 /// A table: first column to the left, the others to the right where they hold numbers.
@@ -87,9 +128,8 @@ mod tests {
             targets: vec![Target { aim: "fast".into(), measured: "3.25 µs".into(), reached: true }],
             notes: vec!["A note.".into()],
         };
-        let text = document(&[report], "sinew bench all");
+        let text = document("", &[report.clone()]);
         for wanted in [
-            "sinew bench all",
             "## sinew bench channel",
             "- kernel: ",
             "- load: ",
@@ -101,5 +141,11 @@ mod tests {
         ] {
             assert!(text.contains(wanted), "{wanted} is not in\n{text}");
         }
+        // A second run replaces its own section alone.
+        let idle = Report { bench: "idle", ..report.clone() };
+        let both = document(&text, &[idle]);
+        let again = document(&both, &[Report { notes: vec!["Another note.".into()], ..report }]);
+        assert!(again.starts_with(TITLE) && again.find("bench channel\n") < again.find("bench idle\n"), "{again}");
+        assert_eq!((again.matches("A note.").count(), again.matches("Another note.").count()), (1, 1));
     }
 }

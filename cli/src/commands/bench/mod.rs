@@ -23,7 +23,7 @@ use std::path::PathBuf;
 #[derive(Debug, clap::Args)]
 pub struct Args {
     #[command(subcommand)]
-    what: What,
+    what: Option<What>,
     /// Prints one JSON object per bench
     #[arg(long, global = true)]
     json: bool,
@@ -33,6 +33,9 @@ pub struct Args {
     /// Folder or file of the robot; without it the built-in Pioneer
     #[arg(long, global = true, value_name = "ROBOT")]
     robot: Option<PathBuf>,
+    /// Replaces the figures of these benches in this document
+    #[arg(long, global = true, value_name = "FILE")]
+    markdown: Option<PathBuf>,
     /// How long idle and reflex measure, as in 20s
     #[arg(long = "for", global = true, value_name = "TIME")]
     length: Option<String>,
@@ -48,12 +51,8 @@ enum What {
     Reflex,
     /// The whole robot on virtual time, on one core
     Simulate,
-    /// All of them, one after another
-    All {
-        /// Writes the figures to this document
-        #[arg(long, value_name = "FILE")]
-        markdown: Option<PathBuf>,
-    },
+    /// All of them, one after another, as without a word
+    All,
     /// The answering process of `channel`
     #[command(hide = true)]
     Partner(channel::partner::Args),
@@ -63,28 +62,25 @@ enum What {
 const IDLE_S: f64 = 10.0;
 /// Time that the reflex is measured [s].
 const REFLEX_S: f64 = 20.0;
-/// What makes the document.
-const DOCUMENT_COMMAND: &str =
-    "cargo run --release -p sinew --features iceoryx2 -- bench all --markdown docs/benchmarks.md";
-
 /// Runs the bench and prints what it found.
 pub fn run(args: Args, types: &[NodeType]) -> Result<(), Failure> {
     let length_s = args.length.as_deref().map(parse_seconds).transpose();
     let length_s = length_s.map_err(|reason| Failure::new(USAGE, format!("--for: {reason}")))?;
+    let what = args.what.unwrap_or(What::All);
     let part = if args.quick { 0.1 } else { 1.0 };
     let robot = args.robot.as_deref();
     let channel = || channel::run(part);
     let idle = || idle::run(robot, length_s.unwrap_or(IDLE_S * part), types);
     // A document wants a tail of more than a handful.
-    let reflex_s = if matches!(args.what, What::All { .. }) { 3.0 * REFLEX_S } else { REFLEX_S };
+    let reflex_s = if matches!(what, What::All) { 2.0 * REFLEX_S } else { REFLEX_S };
     let reflex = || reflex::run(robot, length_s.unwrap_or(reflex_s * part), types);
     let simulate = || simulate::run(robot, part, types);
-    let benches: Vec<&dyn Fn() -> Result<Report, Failure>> = match &args.what {
+    let benches: Vec<&dyn Fn() -> Result<Report, Failure>> = match &what {
         What::Channel => vec![&channel],
         What::Idle => vec![&idle],
         What::Reflex => vec![&reflex],
         What::Simulate => vec![&simulate],
-        What::All { .. } => vec![&channel, &idle, &reflex, &simulate],
+        What::All => vec![&channel, &idle, &reflex, &simulate],
         What::Partner(partner) => return channel::partner::run(partner),
     };
     let mut out = Out::stdout();
@@ -97,8 +93,9 @@ pub fn run(args: Args, types: &[NodeType]) -> Result<(), Failure> {
         report.print(&mut out, args.json)?;
         reports.push(report);
     }
-    if let What::All { markdown: Some(file) } = &args.what {
-        let text = markdown::document(&reports, DOCUMENT_COMMAND);
+    if let Some(file) = &args.markdown {
+        let old = std::fs::read_to_string(file).unwrap_or_default();
+        let text = markdown::document(&old, &reports);
         std::fs::write(file, text).map_err(|e| Failure::from(format!("cannot write {}: {e}", file.display())))?;
     }
     Ok(())

@@ -27,7 +27,7 @@ pub struct Services {
 /// run. Short, because it becomes part of the names of sockets, of which the kernel allows 107 bytes.
 fn prefix(folder: &FilePath) -> String {
     let names = folder.components().map(|part| part.as_os_str().to_string_lossy());
-    let run = names.filter(|name| name.starts_with('.')).last().unwrap_or_default();
+    let run = names.filter(|name| name.starts_with('.')).next_back().unwrap_or_default();
     format!("b{}_", run.trim_start_matches(|c: char| !c.is_ascii_digit()))
 }
 

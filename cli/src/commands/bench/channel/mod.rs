@@ -178,6 +178,11 @@ fn notes() -> Vec<String> {
          futex_waitv on two of which one is idle. CALM leaves out what a stall witness saw held up (HELD UP); MAX is what \
          one run happened to see. Times of publish, latest and clock include one reading of the clock (row clock)."
             .to_owned(),
+        "What sinew needs beyond futex_waitv at 64 B is nearly all the kernel's: a reader maps its ring read-only, and to \
+         find a futex word behind a read-only page of a file takes the kernel two tries. At 230 KiB and more the copies \
+         decide: sinew moves words, not cache lines, because a reader may look at a sample while its writer overwrites it, \
+         and a ring goes through all its slots while the others use the same memory again."
+            .to_owned(),
     ];
     if cfg!(not(feature = "iceoryx2")) {
         notes.push("iceoryx2 is not built in: `cargo run --release --features iceoryx2 -- bench channel`.".into());

@@ -31,6 +31,11 @@ const PAUSE_S: (f64, f64) = (0.015, 0.035);
 const LOST_S: f64 = 0.5;
 /// Time for handshake and motors [s].
 const START_S: f64 = 20.0;
+/// Answers between two rests; the robot's patience with obstacles that its turns do not get rid of is longer.
+const ANSWERS: u64 = 60;
+/// SIPs without an obstacle that make a rest, after which the robot has forgotten them, and the time between two [s].
+const REST_SIPS: u32 = 40;
+const REST_SIP_S: f64 = 0.01;
 /// SIPs answered before the first that counts.
 const WARM_UP: u64 = 20;
 
@@ -41,7 +46,8 @@ pub struct RobotEnd {
     framer: Framer,
     /// The controller's clock: goes on by a SIP's time per SIP, whatever the real time between them.
     virtual_now: Time,
-    obstacle_left: bool,
+    /// The sonar that sees an obstacle.
+    near: Option<usize>,
     random: u64,
     /// Turn that was last commanded [deg/s].
     commanded_deg_s: i32,
@@ -96,7 +102,7 @@ impl RobotEnd {
             mcu: Mcu::new(flash()),
             framer: Framer::new(),
             virtual_now: Time::from_seconds(1.0),
-            obstacle_left: false,
+            near: Some(RIGHT_DISC),
             random: 0x9E37_79B9_7F4A_7C15,
             commanded_deg_s: 0,
             commands: [0; 3],
@@ -150,13 +156,17 @@ impl RobotEnd {
         Err(Failure::from(format!("the robot did not begin to steer within {START_S} s ({state})")))
     }
 
-    /// Lets the obstacle jump until `until`.
+    /// Lets the obstacle jump until `until`; now and then it goes away for a moment.
     pub fn measure(&mut self, until: Time) -> Result<(), Failure> {
-        let mut answered: u64 = 0;
+        let (mut answered, mut lost) = (0_u64, false);
         while clock::now() < until {
+            if answered.is_multiple_of(ANSWERS) || lost {
+                self.rest()?;
+                lost = false;
+            }
             self.pause()?;
-            self.obstacle_left = self.commanded_deg_s > 0;
-            let wanted = if self.obstacle_left { -1 } else { 1 };
+            let (near, wanted) = if self.commanded_deg_s > 0 { (LEFT_DISC, -1) } else { (RIGHT_DISC, 1) };
+            self.near = Some(near);
             let begin = self.sip()?;
             let lost_at = begin.after_s(LOST_S);
             loop {
@@ -171,10 +181,23 @@ impl RobotEnd {
                     }
                     Heard::Nothing if clock::now() >= lost_at => {
                         self.lost += 1;
+                        lost = true;
                         break;
                     }
                     _ => {}
                 }
+            }
+        }
+        Ok(())
+    }
+
+    /// Lets the robot go on in the open until it has forgotten the obstacles.
+    fn rest(&mut self) -> Result<(), Failure> {
+        self.near = None;
+        for _ in 0..REST_SIPS {
+            let next = self.sip()?.after_s(REST_SIP_S);
+            while clock::now() < next {
+                self.listen(next)?;
             }
         }
         Ok(())
@@ -194,8 +217,8 @@ impl RobotEnd {
         self.mcu.drive(now, dt_s);
         // The wheels do not turn: a robot on blocks.
         self.mcu.observe(now, Felt::default(), dt_s);
-        let near = if self.obstacle_left { LEFT_DISC } else { RIGHT_DISC };
-        self.mcu.ping(now, |disc, _| if disc == near { NEAR_MM } else { FAR_MM });
+        let near = self.near;
+        self.mcu.ping(now, |disc, _| if Some(disc) == near { NEAR_MM } else { FAR_MM });
         self.mcu.report(now);
         let begin = clock::now();
         self.flush()?;
