@@ -128,7 +128,7 @@ mod tests {
             targets: vec![Target { aim: "fast".into(), measured: "3.25 µs".into(), reached: true }],
             notes: vec!["A note.".into()],
         };
-        let text = document("", &[report.clone()]);
+        let text = document("", std::slice::from_ref(&report));
         for wanted in [
             "## sinew bench channel",
             "- kernel: ",
