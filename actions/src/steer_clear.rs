@@ -35,10 +35,6 @@ pub struct SteerClearConfig {
     pub sectors: Vec<Sector>,
     /// Sectors whose middle is within this angle are straight ahead [rad].
     pub ahead_rad: f64,
-    /// Sums of force left and right that differ by no more than this balance.
-    pub balance: f64,
-    /// A reading no older than this is new in its packet [s].
-    pub renewed_s: f64,
     /// The side that is being turned to is given up when its sum of force exceeds the other's by more than this.
     pub switch_excess: f64,
     /// How often it is given up before the way has been free for a while.
@@ -72,8 +68,6 @@ impl Default for SteerClearConfig {
             b_per_m: 1.0,
             sectors,
             ahead_rad: 20.0 * deg,
-            balance: 0.15,
-            renewed_s: 0.05,
             switch_excess: 1.5,
             most_switches: 2,
             turn_per_packet_rad: 3.0 * deg,
@@ -208,7 +202,7 @@ pub fn steer(beams: &[Beam], config: &SteerClearConfig, memory: &mut Memory) -> 
         };
         proposal.turn = way_out.side.map_or(Axis::NONE, turn);
         proposal.urgency = 1.0;
-    } else if let Some(side) = sees.away(memory.kept, config.balance) {
+    } else if let Some(side) = sees.away(memory.kept) {
         proposal.turn = turn(side);
         if sees.ahead && memory.escape.holds() {
             proposal.forward = no_forward;
@@ -220,8 +214,8 @@ pub fn steer(beams: &[Beam], config: &SteerClearConfig, memory: &mut Memory) -> 
 /// What is known after one packet.
 #[derive(Debug, Clone, Copy)]
 struct Sight {
-    /// Whether this packet renewed a sector that is acted upon.
-    renewed: bool,
+    /// Side of the strongest sector with M > 1 among those that this packet renewed.
+    renewed: Option<Side>,
     /// Whether some sector on the left, on the right, straight ahead is acted upon.
     left: bool,
     right: bool,
@@ -238,7 +232,7 @@ struct Sight {
 impl Sight {
     fn of(forces: &Forces, config: &SteerClearConfig) -> Sight {
         let mut sight = Sight {
-            renewed: false,
+            renewed: None,
             left: false,
             right: false,
             ahead: false,
@@ -248,6 +242,7 @@ impl Sight {
             left_all: 0.0,
             right_all: 0.0,
         };
+        let mut greatest = 1.0;
         for (k, sector) in config.sectors.iter().enumerate().take(forces.count) {
             let side = if sector.middle_rad() >= 0.0 { Side::Left } else { Side::Right };
             let (acts, force) = (forces.acts(k), forces.force[k]);
@@ -263,7 +258,10 @@ impl Sight {
             *any = true;
             *sum += force;
             sight.ahead |= sector.middle_rad().abs() <= config.ahead_rad;
-            sight.renewed |= forces.age_s[k] <= config.renewed_s;
+            if force > greatest && forces.age_s[k] <= 0.5 * config.packet_s {
+                greatest = force;
+                sight.renewed = Some(side);
+            }
         }
         sight
     }
@@ -283,16 +281,8 @@ impl Sight {
     }
 
     /// The side to turn to, if at all.
-    fn away(&self, kept: Option<Side>, balance: f64) -> Option<Side> {
-        if self.ahead {
-            return kept.or(Some(self.roomier()));
-        }
-        let difference = self.left_sum - self.right_sum;
-        let balanced = self.left && self.right && difference.abs() <= balance;
-        if !self.renewed || balanced {
-            return None;
-        }
-        Some(if difference > 0.0 { Side::Right } else { Side::Left })
+    fn away(&self, kept: Option<Side>) -> Option<Side> {
+        if self.ahead { kept.or(Some(self.roomier())) } else { self.renewed.map(Side::other) }
     }
 }
 
@@ -308,7 +298,7 @@ impl Memory {
             self.kept = self.kept.map(Side::other);
             self.switches += 1;
         } else {
-            self.kept = if sees.ahead { sees.away(self.kept, config.balance) } else { None };
+            self.kept = if sees.ahead { sees.away(self.kept) } else { None };
         }
         let boxed_in = sees.blocked && sees.acts();
         let side = self.kept.unwrap_or(sees.roomier());
