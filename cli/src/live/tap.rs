@@ -33,7 +33,7 @@ pub struct Seen {
 }
 
 impl Tap {
-    /// Opens the channel `path`. The next sample that [`Tap::next`] gives is the first one written from now on.
+    /// Opens the channel `path`. The next sample that `next` gives is the first one written from now on.
     pub fn open(tree: &Tree, path: &str) -> Result<Tap, ChannelError> {
         let ring = tree.reader(path, None)?;
         let schema = schema_of(path, ring.geometry())?;
