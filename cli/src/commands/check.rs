@@ -3,7 +3,7 @@
 use super::graph::{as_json, released_by};
 use crate::exit::{CHECK, Failure};
 use crate::load::{self, Changes};
-use crate::output::{Align, Cell, Out, Table, Tone};
+use crate::output::{Align, Cell, Out, Table, Tone, count};
 use runtime::robot::{Graph, RobotError};
 use runtime::{NodeType, PortKind};
 use serde_json::{Value, json};
@@ -54,8 +54,8 @@ pub fn run(args: Args, types: &[NodeType]) -> Result<(), Failure> {
     }
     out.table(&table(&graph))?;
     let good = out.paint.tone(Tone::Good, "ok");
-    let wires = graph.edges.len();
-    out.line(format!("\n{good}: {} ({}), {} nodes, {wires} wires", robot.name, robot.file, graph.nodes.len()))?;
+    let (nodes, wires) = (count(graph.nodes.len(), "node"), count(graph.edges.len(), "wire"));
+    out.line(format!("\n{good}: {} ({}), {nodes}, {wires}", robot.name, robot.file))?;
     out.flush()
 }
 
@@ -81,17 +81,17 @@ fn table(graph: &Graph) -> Table {
     ]);
     for node in &graph.nodes {
         let spec = &node.spec;
-        let count = |wanted: &dyn Fn(&PortKind) -> bool| node.declared.iter().filter(|d| wanted(&d.kind)).count();
+        let declared = |wanted: &dyn Fn(&PortKind) -> bool| node.declared.iter().filter(|d| wanted(&d.kind)).count();
         let mut ports: Vec<String> = Vec::new();
         let mut add = |count: usize, word: &str| {
             if count > 0 {
                 ports.push(format!("{count} {word}"));
             }
         };
-        add(count(&|kind| matches!(kind, PortKind::Read | PortKind::OptionalRead | PortKind::Set)), "read");
-        add(count(&|kind| *kind == PortKind::Write), "written");
-        add(count(&|kind| matches!(kind, PortKind::Device(..))), "device");
-        add(count(&|kind| *kind == PortKind::Command), "calls");
+        add(declared(&|kind| matches!(kind, PortKind::Read | PortKind::OptionalRead | PortKind::Set)), "read");
+        add(declared(&|kind| *kind == PortKind::Write), "written");
+        add(declared(&|kind| matches!(kind, PortKind::Device(..))), "device");
+        add(declared(&|kind| *kind == PortKind::Command), "calls");
         let deadline = spec.deadline_ns.map_or("-".to_owned(), |ns| format!("{} ms", ns as f64 * 1e-6));
         table.row([
             Cell::toned(Tone::Dim, format!("/{}/", spec.kind.layer)).and(Tone::Name, spec.instance.as_str()),

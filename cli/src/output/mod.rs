@@ -8,7 +8,7 @@ mod select;
 mod table;
 
 pub use fields::{FieldLine, field_lines, message_lines};
-pub use number::{bytes, metres_per_second, number, parse_seconds, rate, span};
+pub use number::{bytes, count, metres_per_second, number, parse_seconds, rate, span};
 pub use paint::{Paint, Tone};
 pub use select::select;
 pub use table::{Align, Cell, Table};

@@ -58,6 +58,11 @@ pub fn bytes(count: u64) -> String {
     }
 }
 
+/// So many things: `1 node`, `2 nodes`.
+pub fn count(number: usize, thing: &str) -> String {
+    if number == 1 { format!("1 {thing}") } else { format!("{number} {thing}s") }
+}
+
 /// A speed, always with its sign's place kept, so that it does not jump about on a screen.
 pub fn metres_per_second(value: f64) -> String {
     if value.is_finite() { format!("{value:5.2} m/s") } else { "    - m/s".into() }
@@ -113,6 +118,11 @@ mod tests {
     fn rates_and_sizes_read_as_people_say_them() {
         assert_eq!([1.0, 10.04, 250.0, 2500.0].map(rate), ["1.00 Hz", "10.0 Hz", "250 Hz", "2.50 kHz"]);
         assert_eq!([12, 2048, 3 << 20, 5 << 30].map(bytes), ["12 B", "2.0 KiB", "3.0 MiB", "5.0 GiB"]);
+    }
+
+    #[test]
+    fn one_thing_is_no_things() {
+        assert_eq!([0, 1, 2].map(|n| count(n, "wire")), ["0 wires", "1 wire", "2 wires"]);
     }
 
     #[test]

@@ -4,7 +4,7 @@ use super::json;
 use super::line::clock;
 use super::{Face, Seen};
 use crate::exit::Failure;
-use crate::output::{Out, Paint, Tone};
+use crate::output::{Out, Paint, Tone, count};
 use std::path::Path;
 use supervisor::{Outcome, StopCause};
 
@@ -34,11 +34,11 @@ fn sentences(outcome: &Outcome, seen: &Seen, picture: Option<String>, paint: Pai
     if let Some([drove, reversed, suffered]) = seen.contacts {
         let caused = drove + reversed;
         let tone = if caused == 0 { Tone::Good } else { Tone::Bad };
-        let verdict = paint.tone(tone, format!("{caused} contacts caused"));
+        let verdict = paint.tone(tone, format!("{} caused", count(caused as usize, "contact")));
         lines.push(format!("{verdict}, {suffered} suffered, least clearance {:.2} m", seen.least_clearance_m));
     }
     if outcome.restarts > 0 {
-        lines.push(format!("{} restarts; `sinew logs` tells more", outcome.restarts));
+        lines.push(format!("{}; `sinew logs` tells more", count(outcome.restarts as usize, "restart")));
     }
     if let Some(picture) = picture {
         lines.push(format!("drawn in {picture}"));

@@ -67,7 +67,7 @@ pub fn run(file: Option<&Path>, seconds: f64, types: &[NodeType]) -> Result<Repo
     }
     drop(processes);
     // No witness: what is measured is time on a core and memory, which no stall changes.
-    let machine = before.finish(scheduling, &Testimony { gaps: Vec::new(), scheduler: "none ran".into() });
+    let machine = before.finish(scheduling, &Testimony::default());
     let note = format!(
         "CPU time and wake-ups are those of all threads of a process over {seconds} s during which no sample came. rss_private \
          is heap, stacks and statics; rss_program the touched pages of the program's file, one copy for all processes; \

@@ -2,6 +2,7 @@
 
 use super::witness::Testimony;
 use serde::Serialize;
+use std::fmt;
 use std::fs::read_to_string;
 
 /// The machine, and what else happened on it meanwhile.
@@ -38,12 +39,21 @@ pub struct Machine {
 /// The witnesses in figures.
 #[derive(Debug, Clone, Default, Serialize)]
 pub struct WitnessSummary {
-    /// How they were scheduled.
+    /// How they were scheduled; empty when none ran.
     pub scheduler: String,
     /// Times that a core did not run its witness for more than 3 ms.
     pub gaps: usize,
     /// The longest of them [ms].
     pub longest_ms: f64,
+}
+
+impl fmt::Display for WitnessSummary {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.scheduler.as_str() {
+            "" => write!(f, "none ran"),
+            how => write!(f, "{} gaps over 3 ms, the longest {:.1} ms ({how})", self.gaps, self.longest_ms),
+        }
+    }
 }
 
 /// Conditions at the beginning of a measurement.
@@ -100,10 +110,7 @@ impl Machine {
                 "load       {:.2} before, {:.2} after {:.0} s; the hypervisor took {} ms of CPU time",
                 self.load_average[0], self.load_average[1], self.duration_s, self.steal_ms
             ),
-            format!(
-                "witness    {} gaps over 3 ms, the longest {:.1} ms ({})",
-                self.witness.gaps, self.witness.longest_ms, self.witness.scheduler
-            ),
+            format!("witness    {}", self.witness),
         ];
         lines.extend(self.scheduler.iter().map(|text| format!("scheduling {text}")));
         lines.push(format!("program    {}", self.program));

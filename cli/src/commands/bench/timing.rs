@@ -58,7 +58,7 @@ impl Times {
                 calm.saturating_record(length.max(1));
             }
         }
-        let us = |histogram: &Histogram<u32>, q: f64| histogram.value_at_quantile(q) as f64 * 1e-3;
+        let us = |histogram: &Histogram<u32>, q: f64| histogram.value_at_quantile(q) as f64 / 1000.0;
         let n = self.all.len() as u64;
         let mut row = Row::new(name, size_bytes, [us(&raw, 0.5), us(&raw, 0.99), us(&raw, 1.0)], n);
         row.note("p999_us", us(&raw, 0.999));

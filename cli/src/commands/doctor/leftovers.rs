@@ -2,7 +2,7 @@
 
 use super::Finding;
 use crate::live;
-use crate::output::bytes;
+use crate::output::{bytes, count};
 use std::path::Path;
 
 /// All about robots.
@@ -23,17 +23,19 @@ fn robot(root: &Path, name: &str) -> Finding {
     let (files, size) = weight(&folder);
     let shown = folder.display();
     match live::runs(&folder) {
-        true => Finding::ok("robot", format!("{name} is running: {files} files, {} in {shown}", bytes(size))),
+        true => {
+            Finding::ok("robot", format!("{name} is running: {}, {} in {shown}", count(files, "file"), bytes(size)))
+        }
         false => Finding::warn(
             "leftovers",
-            format!("{name} does not run any more, but {files} files ({}) are left in {shown}", bytes(size)),
+            format!("{name} does not run any more, but {} ({}) left in {shown}", count(files, "file"), bytes(size)),
             format!("the next `sinew run` of it removes them; or: rm -r {shown}"),
         ),
     }
 }
 
 /// Files below `folder`, and their bytes.
-fn weight(folder: &Path) -> (u64, u64) {
+fn weight(folder: &Path) -> (usize, u64) {
     let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
     entries.fold((0, 0), |(files, size), entry| match entry.metadata() {
         Ok(inner) if inner.is_dir() => {
@@ -57,7 +59,7 @@ mod tests {
         let findings = below(&machine.path("/"));
         assert_eq!(findings.len(), 1, "{findings:?}");
         assert_eq!(findings[0].verdict, Verdict::Warn);
-        assert!(findings[0].found.contains("1 files"), "{findings:?}");
+        assert!(findings[0].found.contains("1 file ("), "{findings:?}");
     }
 
     #[test]

@@ -8,7 +8,7 @@ mod memory;
 mod scheduling;
 
 use crate::exit::{CHECK, Failure};
-use crate::output::{Out, Paint, Tone};
+use crate::output::{Out, Paint, Tone, count};
 use machine::Machine;
 use serde::Serialize;
 
@@ -99,12 +99,12 @@ fn report(groups: &[(&str, Vec<Finding>)], paint: Paint) -> Vec<String> {
             }
         }
     }
-    let count = |verdict| groups.iter().flat_map(|(_, f)| f).filter(|f| f.verdict == verdict).count();
+    let number = |verdict| groups.iter().flat_map(|(_, f)| f).filter(|f| f.verdict == verdict).count();
     lines.push(format!(
-        "\n{} ok, {} warnings, {} failures",
-        count(Verdict::Ok),
-        count(Verdict::Warn),
-        count(Verdict::Fail)
+        "\n{} ok, {}, {}",
+        number(Verdict::Ok),
+        count(number(Verdict::Warn), "warning"),
+        count(number(Verdict::Fail), "failure")
     ));
     lines
 }
@@ -125,7 +125,7 @@ mod tests {
                 "  warn  memlock  64 KiB",
                 "                 → raise it",
                 "                 → log in anew",
-                "\n1 ok, 1 warnings, 0 failures",
+                "\n1 ok, 1 warning, 0 failures",
             ]
         );
     }

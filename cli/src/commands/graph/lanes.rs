@@ -7,7 +7,7 @@
 //! ```
 
 use super::rows::{Row, rows};
-use crate::output::{Paint, Tone};
+use crate::output::{Paint, Tone, count};
 use runtime::robot::{Graph, Robot};
 
 /// Left of a row that reads.
@@ -53,9 +53,9 @@ pub fn draw(robot: &Robot, graph: &Graph, paint: Paint) -> Vec<String> {
     lines.push(String::new());
     let triggers = graph.edges.iter().filter(|edge| edge.triggers).count();
     lines.push(paint.dim(format!(
-        "{} nodes, {} wires   {TRIGGERED} triggers a step ({triggers})   {READ} is read ({})",
-        graph.nodes.len(),
-        graph.edges.len(),
+        "{}, {}   {TRIGGERED} triggers a step ({triggers})   {READ} is read ({})",
+        count(graph.nodes.len(), "node"),
+        count(graph.edges.len(), "wire"),
         graph.edges.len() - triggers
     )));
     lines

@@ -149,7 +149,7 @@ fn statistics(robot: &Robot, root: &Path) -> Result<(Vec<Row>, String), Failure>
         }
         let kept: NodeStatistics = bytemuck::pod_read_unaligned(buffer.fixed());
         for (what, times_s) in [("lateness", kept.lateness_s), ("execution", kept.execution_s)] {
-            let [p50, p99, p999, max] = times_s.map(|s| s * 1e6);
+            let [p50, p99, p999, max] = times_s.map(|s| (s * 1e9).round() / 1000.0);
             let mut row = Row::new(&format!("{what} {}", node.path()), 0, [p50, p99, max], kept.steps);
             row.note("p999_us", p999);
             rows.push(row);
