@@ -12,6 +12,7 @@
 //! near the spot is kept. That is how a jamb stops blocking the door beside it. (Triangulation of arcs: Wijk and
 //! Christensen 2000; the votes are theirs, the rest is simpler.)
 
+use crate::place::Place;
 use messages::{Beam, Echo, Ranges};
 use runtime::{Time, math};
 use schemars::JsonSchema;
@@ -128,36 +129,6 @@ impl MemoryConfig {
             return Err("most_confirmations = 0 would forget every echo at once; write 1 or more".into());
         }
         Ok(())
-    }
-}
-
-/// A place and heading in the odometry frame, ready for use.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Place {
-    /// x [m].
-    pub x_m: f64,
-    /// y [m].
-    pub y_m: f64,
-    /// Sine and cosine of the heading.
-    pub sin: f64,
-    /// Cosine of the heading.
-    pub cos: f64,
-}
-
-impl Place {
-    /// At (`x_m`, `y_m`), heading `heading_rad`.
-    pub fn new(x_m: f64, y_m: f64, heading_rad: f64) -> Place {
-        let (sin, cos) = math::sin_cos(heading_rad);
-        Place { x_m, y_m, sin, cos }
-    }
-
-    fn out(&self, x_m: f64, y_m: f64) -> (f64, f64) {
-        (self.x_m + self.cos * x_m - self.sin * y_m, self.y_m + self.sin * x_m + self.cos * y_m)
-    }
-
-    fn inward(&self, x_m: f64, y_m: f64) -> (f64, f64) {
-        let (dx, dy) = (x_m - self.x_m, y_m - self.y_m);
-        (self.cos * dx + self.sin * dy, self.cos * dy - self.sin * dx)
     }
 }
 
