@@ -35,6 +35,7 @@ extern crate self as messages;
 
 mod base;
 mod image;
+mod laser;
 mod motion;
 mod node;
 mod plain;
@@ -46,6 +47,7 @@ mod truth;
 
 pub use base::{BaseState, Link};
 pub use image::{Encoding, Image};
+pub use laser::{LaserScan, ScanBeam};
 pub use messages_derive::Message;
 pub use motion::{Axis, Command, CoordinatorState, FreeSectors, MotionState, Odometry, Proposal, Stop, Twist, Wish};
 pub use node::{InputCursor, NodeStatistics, StepInputs};

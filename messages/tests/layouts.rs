@@ -24,11 +24,13 @@ const LAYOUTS: &[(&str, usize, u64)] = &[
     ("FreeSectors", 152, 0x26eb_558f_ca03_54ee),
     ("Image", 16, 0x02d8_cfcb_2b36_d86e),
     ("InputCursor", 24, 0x227a_bb76_0826_6ab4),
+    ("LaserScan", 48, 0xee1c_5d02_7b56_169b),
     ("MotionState", 80, 0x57a0_4d41_0698_3892),
     ("NodeStatistics", 136, 0x323f_6fe8_ab13_ece3),
     ("Odometry", 200, 0xd236_4438_8487_504c),
     ("Proposal", 112, 0x1b8f_7b10_6048_5186),
     ("Ranges", 16, 0xd40a_7f3b_a98d_f009),
+    ("ScanBeam", 8, 0x5241_9a97_92fe_322a),
     ("Segment", 104, 0x9260_6476_fb7f_dc90),
     ("Segments", 16, 0x06d6_2b8c_0505_4ea7),
     ("Sound", 16, 0x2b97_d221_0b71_2ccc),
@@ -118,6 +120,9 @@ fn the_names_in_the_schemas_are_those_of_the_enums() {
     use {ContactCause::*, Echo::*};
     check::<messages::Beam, _>("echo", [Echo::None, Value, Clear, TooNear, Off, LinkLost, Fault], |echo| echo as u64);
     let link = [Link::Connecting, Link::Up, Link::NoPort, Link::Silent, Link::Lost, Link::Foreign];
+    check::<messages::ScanBeam, _>("echo", [Echo::None, Value, Clear, TooNear, Off, LinkLost, Fault], |echo| {
+        echo as u64
+    });
     check::<messages::BaseState, _>("link", link, |link| link as u64);
     let encoding = [Encoding::Mono8, Encoding::Rgb8, Encoding::Bgr8, Encoding::Yuyv, Encoding::Jpeg];
     check::<messages::Image, _>("encoding", encoding, |encoding| encoding as u64);
