@@ -11,6 +11,7 @@ mod report;
 mod scratch;
 mod simulate;
 mod timing;
+mod tracking;
 mod witness;
 
 use crate::exit::{Failure, USAGE};
@@ -36,6 +37,9 @@ pub struct Args {
     /// Replaces the figures of these benches in this document
     #[arg(long, global = true, value_name = "FILE")]
     markdown: Option<PathBuf>,
+    /// Folder of the data that perception and tracking want, with leg-tracker/, csail/, dynabarn/ in it
+    #[arg(long, global = true, value_name = "DIR")]
+    data: Option<PathBuf>,
     /// How long idle and reflex measure, as in 20s
     #[arg(long = "for", global = true, value_name = "TIME")]
     length: Option<String>,
@@ -51,6 +55,8 @@ enum What {
     Reflex,
     /// The whole robot on virtual time, on one core
     Simulate,
+    /// How well moving cylinders and people's legs are tracked, by each way of tracking
+    Tracking,
     /// All of them, one after another, as without a word
     All,
     /// The answering process of `channel`
@@ -75,11 +81,13 @@ pub fn run(args: Args, types: &[NodeType]) -> Result<(), Failure> {
     let reflex_s = if matches!(what, What::All) { 2.0 * REFLEX_S } else { REFLEX_S };
     let reflex = || reflex::run(robot, length_s.unwrap_or(reflex_s * part), types);
     let simulate = || simulate::run(robot, part, types);
+    let tracking = || tracking::run(args.data.as_deref(), part);
     let benches: Vec<&dyn Fn() -> Result<Report, Failure>> = match &what {
         What::Channel => vec![&channel],
         What::Idle => vec![&idle],
         What::Reflex => vec![&reflex],
         What::Simulate => vec![&simulate],
+        What::Tracking => vec![&tracking],
         What::All => vec![&channel, &idle, &reflex, &simulate],
         What::Partner(partner) => return channel::partner::run(partner),
     };
