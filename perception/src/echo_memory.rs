@@ -70,16 +70,16 @@ impl Default for MemoryConfig {
             capacity: 256,
             spacing_m: 0.05,
             same_within_m: 0.025,
-            on_arc_within_m: 0.02,
-            denies_beyond_m: 0.025,
-            denies_beyond_share: 0.1,
+            on_arc_within_m: 0.012,
+            denies_beyond_m: 0.015,
+            denies_beyond_share: 0.03,
             arc_share: 1.0,
-            denies_within_share: 0.8,
-            denies_askance_rad: 0.5,
+            denies_within_share: 0.9,
+            denies_askance_rad: 1.2,
             confirmed_from_m: 0.03,
             explains_from: 3,
             explained_within_m: 0.03,
-            most_confirmations: 4,
+            most_confirmations: 3,
             near_m: 0.35,
             recall_s: 10.0,
             heard_before_s: 0.05,
@@ -209,6 +209,30 @@ impl Arc {
         }
     }
 
+    /// Where two arcs cross, the place nearer to `at`; `None` where they run too much alike to say.
+    fn crossing(&self, other: &Arc, at: (f64, f64)) -> Option<(f64, f64)> {
+        let (dx, dy) = (other.x_m - self.x_m, other.y_m - self.y_m);
+        let apart_sq = dx * dx + dy * dy;
+        if apart_sq < 1e-6 {
+            return None;
+        }
+        // Along the line of the centres, and to its side.
+        let along = 0.5 + 0.5 * (self.radius_m * self.radius_m - other.radius_m * other.radius_m) / apart_sq;
+        let side_sq = self.radius_m * self.radius_m / apart_sq - along * along;
+        if side_sq <= 0.0 {
+            return None;
+        }
+        let side = side_sq.sqrt();
+        let place = |side: f64| (self.x_m + along * dx - side * dy, self.y_m + along * dy + side * dx);
+        let (a, b) = (place(side), place(-side));
+        let far_sq = |p: (f64, f64)| (p.0 - at.0) * (p.0 - at.0) + (p.1 - at.1) * (p.1 - at.1);
+        let p = if far_sq(a) <= far_sq(b) { a } else { b };
+        let (ux, uy) = (p.0 - self.x_m, p.1 - self.y_m);
+        let (vx, vy) = (p.0 - other.x_m, p.1 - other.y_m);
+        let sine = (ux * vy - uy * vx).abs() / (self.radius_m * other.radius_m).max(1e-9);
+        (sine >= LEAST_CROSSING).then_some(p)
+    }
+
     /// Whether the arc passes through a place.
     fn meets(&self, x_m: f64, y_m: f64, within_m: f64) -> bool {
         let (dx, dy) = (x_m - self.x_m, y_m - self.y_m);
@@ -245,6 +269,9 @@ impl Free {
         away_m < self.reach_m && along_m >= self.cos_sure * away_m && dx * look_x + dy * look_y >= cos_askance * away_m
     }
 }
+
+/// Sine of the least angle at which two arcs cross rather than run alongside.
+const LEAST_CROSSING: f64 = 0.1;
 
 /// Readings that are recalled.
 const RECALLED: usize = 512;
@@ -433,11 +460,22 @@ impl EchoMemory {
         let c = self.config;
         let mut best: Option<(u8, f64, f64)> = None;
         let mut grown = None;
-        for spot in self.spots.iter_mut().filter(|spot| arc.meets(spot.x_m, spot.y_m, c.on_arc_within_m)) {
+        for k in 0..self.spots.len() {
+            let mut spot = self.spots[k];
+            let moved = !near((spot.arc.x_m, spot.arc.y_m), (arc.x_m, arc.y_m), c.confirmed_from_m);
+            // A new spot stands for the stretch of arc around it: where a second arc crosses that stretch is the place.
+            if moved && spot.confirmations == 1 && arc.meets(spot.x_m, spot.y_m, c.spacing_m) {
+                let at = (spot.x_m, spot.y_m);
+                if let Some((x_m, y_m)) = spot.arc.crossing(arc, at).filter(|&p| near(p, at, c.spacing_m)) {
+                    (spot.x_m, spot.y_m) = (x_m, y_m);
+                }
+            }
+            if !arc.meets(spot.x_m, spot.y_m, c.on_arc_within_m) {
+                continue;
+            }
             let away_m = math::hypot(spot.x_m - arc.x_m, spot.y_m - arc.y_m).max(1e-6);
             (spot.look_x, spot.look_y) = ((spot.x_m - arc.x_m) / away_m, (spot.y_m - arc.y_m) / away_m);
             spot.seen = time;
-            let moved = !near((spot.arc.x_m, spot.arc.y_m), (arc.x_m, arc.y_m), c.confirmed_from_m);
             if moved && spot.confirmations < c.most_confirmations {
                 spot.arc = *arc;
                 spot.confirmations += 1;
@@ -448,6 +486,7 @@ impl EchoMemory {
             if spot.confirmations >= c.explains_from && best.is_none_or(|(most, ..)| spot.confirmations > most) {
                 best = Some((spot.confirmations, spot.x_m, spot.y_m));
             }
+            self.spots[k] = spot;
         }
         if let Some(at) = grown {
             // What came of earlier arcs through it is explained now, too.
@@ -603,7 +642,7 @@ mod tests {
             memory.hear(Time::from_nanos(u64::from(k)), &place, &laser, &beam(0.0, (0.6 - x_m) as f32, Echo::Value));
         }
         let centre = |memory: &EchoMemory| beams_at(memory, &home()).iter().any(|b| b.bearing_rad.abs() < 1e-3);
-        for _ in 0..3 {
+        for _ in 0..2 {
             memory.hear(Time::ZERO, &home(), &laser, &beam(0.0, 0.0, Echo::Clear));
         }
         assert!(centre(&memory));
@@ -646,11 +685,11 @@ mod tests {
         let mut memory = memory();
         let laser = Ranges { beam_width_rad: 0.0, ..RANGES };
         memory.hear(Time::ZERO, &home(), &laser, &beam(0.0, 0.6, Echo::Value));
-        // The same spot along a line of sight that differs by a radian.
-        let (sin, cos) = math::sin_cos(1.0);
+        // The same spot along a line of sight that differs by a right angle.
+        let (sin, cos) = math::sin_cos(1.5);
         let elsewhere = Place::new(0.6 - 0.6 * cos, -0.6 * sin, 0.0);
         let wide = Ranges { beam_width_rad: 0.5, ..RANGES };
-        memory.hear(Time::ZERO, &elsewhere, &wide, &beam(1.0, 0.0, Echo::Clear));
+        memory.hear(Time::ZERO, &elsewhere, &wide, &beam(1.5, 0.0, Echo::Clear));
         assert_eq!(memory.len(), 1);
     }
 
