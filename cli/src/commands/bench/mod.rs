@@ -4,6 +4,7 @@ mod channel;
 mod idle;
 mod machine;
 mod markdown;
+mod perception;
 mod placement;
 mod process;
 mod reflex;
@@ -55,6 +56,8 @@ enum What {
     Reflex,
     /// The whole robot on virtual time, on one core
     Simulate,
+    /// From a scan to segments, circles and tracks
+    Perception,
     /// How well moving cylinders and people's legs are tracked, by each way of tracking
     Tracking,
     /// All of them, one after another, as without a word
@@ -81,12 +84,14 @@ pub fn run(args: Args, types: &[NodeType]) -> Result<(), Failure> {
     let reflex_s = if matches!(what, What::All) { 2.0 * REFLEX_S } else { REFLEX_S };
     let reflex = || reflex::run(robot, length_s.unwrap_or(reflex_s * part), types);
     let simulate = || simulate::run(robot, part, types);
+    let perception = || perception::run(args.data.as_deref(), part);
     let tracking = || tracking::run(args.data.as_deref(), part);
     let benches: Vec<&dyn Fn() -> Result<Report, Failure>> = match &what {
         What::Channel => vec![&channel],
         What::Idle => vec![&idle],
         What::Reflex => vec![&reflex],
         What::Simulate => vec![&simulate],
+        What::Perception => vec![&perception],
         What::Tracking => vec![&tracking],
         What::All => vec![&channel, &idle, &reflex, &simulate],
         What::Partner(partner) => return channel::partner::run(partner),
