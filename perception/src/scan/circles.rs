@@ -64,8 +64,9 @@ pub fn through_three([a, b, c]: [(f64, f64); 3]) -> Option<(f64, f64, f64)> {
     let (q_b, q_c) = (bx * bx + by * by, cx * cx + cy * cy);
     let longest = q_b.max(q_c).max((bx - cx) * (bx - cx) + (by - cy) * (by - cy));
     let cross = bx * cy - by * cx;
-    // Not `<`: a NaN is no circle either.
-    if !(cross.abs() > STRAIGHT * longest) {
+    // Asked this way round, a NaN is no circle either.
+    let bends = cross.abs() > STRAIGHT * longest;
+    if !bends {
         return None;
     }
     let d = 2.0 * cross;
@@ -224,7 +225,8 @@ impl Normal {
         let (i, j, k) = (d * f - e * e, c * e - b * f, b * e - c * d);
         let det = a * i + b * j + c * k;
         // Relative to the diagonal, so that units do not matter.
-        if !(det > 1e-12 * a * d * f) {
+        let regular = det > 1e-12 * a * d * f;
+        if !regular {
             return None;
         }
         let n = 1.0 / det;
@@ -342,7 +344,7 @@ mod tests {
                 n += 1.0;
             }
         }
-        ((radius / n as f64).sqrt(), (centre / n).sqrt())
+        ((radius / n).sqrt(), (centre / n).sqrt())
     }
 
     #[test]
