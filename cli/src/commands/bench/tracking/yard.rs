@@ -68,10 +68,10 @@ fn parse(text: &str) -> Result<Vec<Vec<Mover>>, String> {
             ["world", ..] => worlds.push(Vec::new()),
             [_, period, count, keys @ ..] => {
                 let world = worlds.last_mut().ok_or_else(|| wrong("an obstacle before the first world"))?;
-                let period_s = period.parse().map_err(|_| wrong("the period is no number"))?;
+                let period_s: f64 = period.parse().map_err(|_| wrong("the period is no number"))?;
                 let keys: Option<Vec<[f64; 3]>> = keys.iter().map(|key| triple(key)).collect();
                 let keys = keys.ok_or_else(|| wrong("a key frame is not t,x,y"))?;
-                if keys.len() < 2 || Ok(keys.len()) != count.parse() || !(period_s > 0.0) {
+                if keys.len() < 2 || Ok(keys.len()) != count.parse() || period_s.is_nan() || period_s <= 0.0 {
                     return Err(wrong("two or more key frames are wanted, as many as are told, and a period"));
                 }
                 world.push(Mover { period_s, keys });
