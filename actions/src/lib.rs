@@ -1,8 +1,11 @@
 //! Behaviours: each proposes motion for one purpose.
 
+pub mod avoid;
+pub mod emergency_stop;
 pub mod escape;
 pub mod forward;
 pub mod goto;
+pub mod r#move;
 pub mod place;
 pub mod sectors;
 pub mod steer_clear;
