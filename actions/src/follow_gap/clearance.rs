@@ -160,8 +160,8 @@ mod tests {
                     let here = Point::new(f64::from(x), f64::from(y));
                     let exact = points.iter().map(|p| here.to(*p).length_m()).fold(f64::INFINITY, f64::min);
                     let found = f64::from(raster.distances()[row * 60 + column]);
-                    // The sweeps may miss the nearest by a little, and two points may share a cell.
-                    prop_assert!(found >= exact - 1e-3 && found <= exact + 0.03, "{found} {exact}");
+                    // Of two points in one cell one is kept: they are at most its diagonal apart.
+                    prop_assert!(found >= exact - 1e-3 && found <= exact + 0.0725, "{found} {exact}");
                 }
             }
         }
