@@ -3,6 +3,7 @@
 pub mod avoid;
 pub mod emergency_stop;
 pub mod escape;
+pub mod follow_gap;
 pub mod forward;
 pub mod goto;
 pub mod r#move;

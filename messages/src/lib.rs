@@ -35,6 +35,7 @@ extern crate self as messages;
 
 mod base;
 mod image;
+mod laser;
 mod missions;
 mod motion;
 mod node;
@@ -48,6 +49,7 @@ mod truth;
 
 pub use base::{BaseState, Link};
 pub use image::{Encoding, Image};
+pub use laser::{LaserScan, ScanBeam};
 pub use messages_derive::Message;
 pub use missions::{
     GotoGoal, GotoPath, GotoProgress, GotoResult, GotoState, MoveProgress, MoveRequest, SetPose, VIA_POINTS,

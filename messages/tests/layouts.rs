@@ -30,6 +30,7 @@ const LAYOUTS: &[(&str, usize, u64)] = &[
     ("GotoResult", 56, 0xca92_93b0_fece_525b),
     ("Image", 16, 0x02d8_cfcb_2b36_d86e),
     ("InputCursor", 24, 0x227a_bb76_0826_6ab4),
+    ("LaserScan", 48, 0xee1c_5d02_7b56_169b),
     ("ModeState", 16, 0x655c_3a06_501d_129a),
     ("MotionState", 80, 0x57a0_4d41_0698_3892),
     ("MoveProgress", 24, 0x6ba5_19db_660a_eebf),
@@ -40,6 +41,7 @@ const LAYOUTS: &[(&str, usize, u64)] = &[
     ("ProtectiveStop", 24, 0x9dd2_4589_9021_958d),
     ("Ranges", 16, 0xd40a_7f3b_a98d_f009),
     ("Room", 56, 0x8ba7_f460_1e08_ed04),
+    ("ScanBeam", 8, 0x5241_9a97_92fe_322a),
     ("Segment", 104, 0x9260_6476_fb7f_dc90),
     ("Segments", 16, 0x06d6_2b8c_0505_4ea7),
     ("SetMode", 8, 0xf832_c237_1d7c_26e9),
@@ -132,6 +134,9 @@ fn the_names_in_the_schemas_are_those_of_the_enums() {
     use {ContactCause::*, Echo::*};
     check::<messages::Beam, _>("echo", [Echo::None, Value, Clear, TooNear, Off, LinkLost, Fault], |echo| echo as u64);
     let link = [Link::Connecting, Link::Up, Link::NoPort, Link::Silent, Link::Lost, Link::Foreign];
+    check::<messages::ScanBeam, _>("echo", [Echo::None, Value, Clear, TooNear, Off, LinkLost, Fault], |echo| {
+        echo as u64
+    });
     check::<messages::BaseState, _>("link", link, |link| link as u64);
     let encoding = [Encoding::Mono8, Encoding::Rgb8, Encoding::Bgr8, Encoding::Yuyv, Encoding::Jpeg];
     check::<messages::Image, _>("encoding", encoding, |encoding| encoding as u64);

@@ -4,9 +4,10 @@
 macro_rules! every_message {
     ($check:ident) => {
         every_message!($check: Axis BaseState Beam Command Contact CoordinatorState Detour Done FreeSectors GotoGoal GotoPath
-            GotoProgress GotoResult Image InputCursor ModeState MotionState MoveProgress MoveRequest
-            NodeStatistics Odometry Proposal ProtectiveStop Ranges Room Segment Segments SetMode SetPose Sound
-            StepInputs Switch Track Tracks Trigger Truth Twist WheelVelocities)
+            GotoProgress GotoResult Image InputCursor LaserScan ModeState MotionState MoveProgress
+            MoveRequest NodeStatistics Odometry Proposal ProtectiveStop Ranges Room ScanBeam Segment
+            Segments SetMode SetPose Sound StepInputs Switch Track Tracks Trigger Truth Twist
+            WheelVelocities)
     };
     ($check:ident: $($message:ident)*) => {
         [$($check::<messages::$message>()),*]
