@@ -14,5 +14,11 @@ pub mod steer_clear;
 use runtime::NodeType;
 
 /// Node types of this layer.
-pub const NODES: &[NodeType] =
-    &[NodeType::of::<forward::Forward>(), NodeType::of::<steer_clear::SteerClear>(), NodeType::of::<goto::Goto>()];
+pub const NODES: &[NodeType] = &[
+    NodeType::of::<forward::Forward>(),
+    NodeType::of::<steer_clear::SteerClear>(),
+    NodeType::of::<goto::Goto>(),
+    NodeType::of::<avoid::Avoid>(),
+    NodeType::of::<r#move::Move>(),
+    NodeType::of::<emergency_stop::EmergencyStop>(),
+];
