@@ -10,7 +10,7 @@ use runtime::math;
 
 const RUNS: usize = 100;
 /// A run is given so long [s].
-const LIMIT_S: f64 = 240.0;
+const LIMIT_S: f64 = 400.0;
 /// Behind the pocket [m].
 const BEHIND: (f64, f64) = (9.0, 4.0);
 /// Free places of the office [m].
