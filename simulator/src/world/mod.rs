@@ -12,6 +12,7 @@ mod grid;
 mod image;
 mod map;
 mod person;
+mod rays;
 #[cfg(test)]
 mod tests;
 
