@@ -11,5 +11,9 @@ pub mod steer_clear;
 use runtime::NodeType;
 
 /// Node types of this layer.
-pub const NODES: &[NodeType] =
-    &[NodeType::of::<forward::Forward>(), NodeType::of::<steer_clear::SteerClear>(), NodeType::of::<goto::Goto>()];
+pub const NODES: &[NodeType] = &[
+    NodeType::of::<forward::Forward>(),
+    NodeType::of::<steer_clear::SteerClear>(),
+    NodeType::of::<goto::Goto>(),
+    NodeType::of::<follow_gap::FollowGap>(),
+];

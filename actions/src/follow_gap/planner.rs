@@ -35,8 +35,6 @@ pub struct Setup {
     pub delay_s: f64,
     /// Time from one wanted velocity to the next [s].
     pub period_s: f64,
-    /// The goal counts as reached within this [m].
-    pub tolerance_m: f64,
     /// Room between outline and obstacle when the robot has come to rest along the arc that is wanted [m].
     pub stop_margin_m: f64,
     /// Time in which nothing slows yet, for the same [s].
@@ -62,6 +60,8 @@ pub struct Sight<'a> {
     pub movers: &'a [Mover],
     /// Where to go.
     pub goal: Point,
+    /// The goal counts as reached within this [m].
+    pub tolerance_m: f64,
     /// Time since the planner's beginning [s].
     pub time_s: f64,
 }
@@ -150,7 +150,7 @@ impl Planner {
         let setup = self.setup;
         self.take_scan(sight);
         let place = sight.pose.place;
-        if place.to(sight.goal).length_m() <= setup.tolerance_m {
+        if place.to(sight.goal).length_m() <= sight.tolerance_m {
             self.plan = None;
             return Wish { arrived: true, ..Wish::default() };
         }
