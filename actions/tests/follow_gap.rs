@@ -6,8 +6,8 @@ mod planar;
 
 use actions::follow_gap::{FollowGap, FollowGapConfig};
 use messages::{
-    Axis, Beam, Done, Echo, GotoGoal, GotoProgress, GotoResult, Message, Odometry, Proposal, Ranges, Track, TrackMotion,
-    TrackState, Tracks, Trigger, Twist, bytemuck,
+    Axis, Beam, Done, Echo, GotoGoal, GotoProgress, GotoResult, Message, Odometry, Proposal, Ranges, Track,
+    TrackMotion, TrackState, Tracks, Trigger, Twist, bytemuck,
 };
 use runtime::calls::{Ticket, TicketState};
 use runtime::{Bench, Body, OpenError, Time};

@@ -106,7 +106,7 @@ impl Default for FollowGapConfig {
             blocked_m: 0.28,
             narrow_price: 8.0,
             blocked_price: 40.0,
-            stop_margin_m: 0.04,
+            stop_margin_m: 0.06,
             stop_delay_s: 0.1,
             changes: 96,
             seed: 1,

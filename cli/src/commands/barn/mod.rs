@@ -1,5 +1,6 @@
 //! `sinew barn`: a whole robot through the BARN or DynaBARN worlds, on virtual time.
 
+mod peer;
 mod report;
 mod suite;
 mod trial;
@@ -58,6 +59,9 @@ pub struct Args {
     /// Draws map and track of the first run that failed, or of the first one
     #[arg(long, value_name = "FILE")]
     svg: Option<PathBuf>,
+    /// Program of the MRPT peer (cargo xtask peers): runs it through the same worlds, and reports it beside ours
+    #[arg(long, value_name = "FILE")]
+    peer: Option<PathBuf>,
     /// Any value of the robot file, as in nodes.follow_gap.config.memory_s=5
     #[arg(long = "set", value_name = "KEY=VALUE")]
     set: Vec<String>,
@@ -76,7 +80,10 @@ pub fn run(args: Args, types: &[NodeType]) -> Result<(), Failure> {
         first.graph().map_err(load::errors)?;
     }
     let trials = run_all(&args, &suite, &robots)?;
-    let report = Report::of(&suite, &trials);
+    let mut report = Report::of(&suite, &trials);
+    if let Some(program) = &args.peer {
+        report.peers = peer::run(program, &args)?;
+    }
     let mut out = std::io::stdout().lock();
     if let Some(file) = &args.svg {
         draw(file, &robots, &trials)?;

@@ -2,7 +2,7 @@
 
 use super::suite::Suite;
 use super::trial::{End, Trial};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use std::io::Write;
 
 /// Said with every result.
@@ -31,8 +31,32 @@ pub struct Report {
     /// DynaBARN's classes; empty for BARN.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub classes: Vec<Class>,
+    /// Other planners through the same worlds; empty unless asked for.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub peers: Vec<Peer>,
     /// Each world's runs.
     pub worlds: Vec<World>,
+}
+
+/// Another planner through the same worlds.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct Peer {
+    /// Which, and how fast.
+    pub peer: String,
+    /// Runs, one in each world.
+    pub runs: usize,
+    /// Share of runs that got there.
+    pub success: f64,
+    /// Share of runs that touched something.
+    pub collisions: f64,
+    /// Share of runs that ran out of time.
+    pub timeouts: f64,
+    /// Mean time of the runs that got there [s].
+    pub mean_time_s: f64,
+    /// Mean score.
+    pub score: f64,
+    /// Mean time of a step of its planner, without the laser's [ms].
+    pub mean_step_ms: f64,
 }
 
 /// A class of worlds.
@@ -91,6 +115,7 @@ impl Report {
             score: by_world.iter().sum::<f64>() / by_world.len().max(1) as f64,
             least_clearance_m: least.is_finite().then_some(least),
             classes: classes.collect(),
+            peers: Vec::new(),
             worlds: trials.iter().map(World::of).collect(),
         }
     }
@@ -113,6 +138,18 @@ impl Report {
         )?;
         for class in &self.classes {
             writeln!(out, "  {:<6} {:>3} runs: success {:.1} %", class.class, class.runs, 100.0 * class.success)?;
+        }
+        for peer in &self.peers {
+            writeln!(
+                out,
+                "  {}: success {:.1} %, collisions {:.1} %, timeouts {:.1} %, mean time {:.2} s, score {:.4}",
+                peer.peer,
+                100.0 * peer.success,
+                100.0 * peer.collisions,
+                100.0 * peer.timeouts,
+                peer.mean_time_s,
+                peer.score
+            )?;
         }
         writeln!(out, "{}", self.note)
     }
