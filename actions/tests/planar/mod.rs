@@ -263,6 +263,7 @@ pub fn run(course: &Course, setup: &Setup, trial: &Trial) -> Result {
             beams: &beams,
             movers: &movers,
             goal,
+            tolerance_m: 0.3,
             time_s,
         };
         let clock = std::time::Instant::now();

@@ -6,7 +6,7 @@ use std::fmt::Write;
 
 /// Every command under what it is for. A test holds this list to the commands that there are.
 const GROUPS: [(&str, &[&str]); 4] = [
-    ("Run a robot", &["run", "drive", "goto", "mode", "down", "simulate"]),
+    ("Run a robot", &["run", "drive", "goto", "mode", "down", "simulate", "barn"]),
     ("Look at a running robot", &["ls", "cat", "hz", "logs", "call"]),
     ("Look at a robot file", &["check", "graph", "schema"]),
     ("Look at this machine", &["doctor", "bench", "experiments"]),
@@ -76,6 +76,21 @@ JSON (--json):
   The same seed gives the same hash, on any machine.
 
 Exit code 4 when the robot caused a contact.";
+
+pub const BARN: &str = "\
+Examples:
+  sinew barn --data barn                           every world once: success, collisions, score
+  sinew barn --data barn --reactive --seeds 3      the newest scan alone decides, three runs in each world
+  sinew barn --data dynabarn --dynamic --tracking off    cylinders that move, and a planner that is not told so
+  sinew barn --data barn --latency-ms 50 --odometry-scale 1.01
+  sinew barn --data barn --worlds 17..18 --svg run.svg   draws the run through world 17
+
+JSON (--json):
+  {note, runs, success, collisions, timeouts (shares, 0 to 1), mean_time_s, score, least_clearance_m, classes (DynaBARN),
+   \"worlds\": [{world, seed, end, time_s, score, least_clearance_m, distance_m}]}
+
+Start, goal, limits and score are the challenge's; the robot is the whole stack in the simulated host, in planar
+kinematics: these figures are no leaderboard scores.";
 
 pub const DRIVE: &str = "\
 Examples:

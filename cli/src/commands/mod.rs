@@ -1,5 +1,6 @@
 //! The command line: one binary, one word per thing to do.
 
+mod barn;
 pub mod bench;
 mod call;
 mod cat;
@@ -41,6 +42,8 @@ enum Command {
     Run(run::Args),
     #[command(after_help = help::SIMULATE)]
     Simulate(simulate::Args),
+    #[command(after_help = help::BARN)]
+    Barn(barn::Args),
     #[command(after_help = help::DRIVE)]
     Drive(drive::Args),
     #[command(after_help = help::GOTO)]
@@ -98,6 +101,7 @@ fn dispatch(command: Command, types: &[NodeType]) -> Result<(), Failure> {
     match command {
         Command::Run(args) => run::run(args, types),
         Command::Simulate(args) => simulate::run(args, types),
+        Command::Barn(args) => barn::run(args, types),
         Command::Drive(args) => drive::run(args, types),
         Command::Goto(args) => goto::run(args),
         Command::Mode(args) => mode::run(args, types),
