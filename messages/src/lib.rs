@@ -47,7 +47,7 @@ pub use base::{BaseState, Link};
 pub use image::{Encoding, Image};
 pub use messages_derive::Message;
 pub use motion::{Axis, Command, CoordinatorState, FreeSectors, MotionState, Odometry, Proposal, Stop, Twist, Wish};
-pub use node::{InputCursor, NodeStatistics, StepInputs};
+pub use node::{InputCursor, NodeStatistics, StepEvents, StepInputs, StepKind, WRITTEN, path_number};
 pub use plain::{Message, NoTail, Plain, tail_offset};
 pub use ranges::{Beam, Echo, Ranges};
 pub use requests::{Done, Sound, Switch, Trigger};
