@@ -11,7 +11,7 @@ use crate::definition::parts_per_element;
 use crate::error::RecordingError;
 use crate::exact::Layout;
 use crate::facts::{FILES, FORMAT, Facts, METADATA, ROBOT_FILE};
-use crate::records::Records;
+use crate::records::{Next, Records};
 use crate::writer::{CHANGE, INCIDENTS, LOSSES};
 
 /// A recording that is being read.
@@ -95,26 +95,26 @@ impl Recording {
         let begin = loop {
             let at = records.at();
             match records.next()? {
-                Some((_, Record::Header(header))) => {
+                Some(Next::Record(Record::Header(header))) => {
                     if !header.library.is_empty() {
                         library = header.library;
                     }
                 }
-                Some((_, Record::Metadata(record))) if record.name == METADATA => {
+                Some(Next::Record(Record::Metadata(record))) if record.name == METADATA => {
                     let format = facts.read_metadata(&record.metadata);
                     if format > FORMAT {
                         return Err(RecordingError::Newer { file: file.to_owned(), format, known: FORMAT });
                     }
                     found = true;
                 }
-                Some((_, Record::Attachment { header, data, .. })) => {
+                Some(Next::Record(Record::Attachment { header, data, .. })) => {
                     if header.name == ROBOT_FILE {
                         facts.robot_text = String::from_utf8_lossy(&data).into_owned();
                     } else if let Some(name) = header.name.strip_prefix(FILES) {
                         facts.files.insert(name.to_owned(), data.into_owned());
                     }
                 }
-                Some((_, Record::Metadata(_) | Record::Unknown { .. })) => {}
+                Some(Next::Record(Record::Metadata(_) | Record::Unknown { .. })) => {}
                 Some(_) => break at,
                 None => break at,
             }
@@ -140,13 +140,13 @@ impl Recording {
         let Recording { records, channels, schemas, .. } = self;
         loop {
             let (file, at) = (records.file.clone(), records.at());
-            let Some((_, record)) = records.next()? else { return Ok(()) };
+            let Some(next) = records.next()? else { return Ok(()) };
             let mut take = |record: Record<'_>| take(record, &file, channels, schemas, each);
-            match record {
+            match next {
                 // The index repeats what has been read.
-                Record::DataEnd(_) => return records.finish(),
-                Record::Chunk { header, data } => Records::open_chunk(&file, at, header, &data, &mut take)?,
-                record => take(record)?,
+                Next::Record(Record::DataEnd(_)) => return records.finish(),
+                Next::Chunk(body) => Records::open_chunk(&file, at, body, &mut take)?,
+                Next::Record(record) => take(record)?,
             }
         }
     }

@@ -5,11 +5,23 @@ use std::io::{self, BufReader, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
 use mcap::records::{Record, op};
+use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
 
 use crate::error::RecordingError;
 
 /// Opcode and length before every record.
 const HEAD_BYTES: u64 = 9;
+
+/// Chunks and records beyond this are damage [byte].
+const MOST_BYTES: usize = 256 << 20;
+
+/// What stands next in a file.
+pub(crate) enum Next<'a> {
+    /// A chunk, unopened.
+    Chunk(&'a [u8]),
+    /// Any other record.
+    Record(Record<'a>),
+}
 
 /// A file, read record by record.
 pub(crate) struct Records {
@@ -66,14 +78,15 @@ impl Records {
         Ok(())
     }
 
-    /// The next record, with its opcode; `None` at the file's end. A file that ends before is an error, after all its
+    /// The next record; `None` at the file's end. A file that ends before is an error, after all its
     /// whole records.
-    pub fn next(&mut self) -> Result<Option<(u8, Record<'_>)>, RecordingError> {
-        if self.ended {
-            return Ok(None);
-        }
+    pub fn next(&mut self) -> Result<Option<Next<'_>>, RecordingError> {
         let (file, at) = (self.file.clone(), self.at);
         let truncated = || RecordingError::Truncated { file: file.clone(), at_byte: at };
+        if self.ended {
+            // Behind the footer stand the first bytes once more.
+            return if self.size >= at + mcap::MAGIC.len() as u64 { Ok(None) } else { Err(truncated()) };
+        }
         let corrupt = |why: String| RecordingError::Corrupt { file: file.clone(), at_byte: at, why };
         let failed = |source| RecordingError::Io { file: file.clone(), source };
         let mut head = [0; HEAD_BYTES as usize];
@@ -92,26 +105,47 @@ impl Records {
         self.input.read_exact(&mut self.body).map_err(failed)?;
         self.at += HEAD_BYTES + length;
         self.ended = opcode == op::FOOTER;
+        if opcode == op::CHUNK {
+            return Ok(Some(Next::Chunk(&self.body)));
+        }
         let record = mcap::parse_record(opcode, &self.body).map_err(|e| corrupt(e.to_string()))?;
-        Ok(Some((opcode, record)))
+        Ok(Some(Next::Record(record)))
     }
 
-    /// Runs `each` over the records within a chunk; all of them, or an error before the first.
+    /// Runs `each` over the records within a chunk, once its checksum has been found right.
     pub fn open_chunk(
         file: &Path,
         at_byte: u64,
-        header: mcap::records::ChunkHeader,
-        data: &[u8],
+        body: &[u8],
         each: &mut dyn FnMut(Record<'_>) -> Result<(), RecordingError>,
     ) -> Result<(), RecordingError> {
         let corrupt = |e: mcap::McapError| {
             let why = format!("a chunk cannot be read: {e}");
             RecordingError::Corrupt { file: file.to_owned(), at_byte, why }
         };
-        let records: Result<Vec<Record<'_>>, _> =
-            mcap::read::ChunkReader::new(header, data).map_err(corrupt)?.collect();
-        for record in records.map_err(corrupt)? {
-            each(record)?;
+        let options = LinearReaderOptions::default()
+            .with_skip_start_magic(true)
+            .with_skip_end_magic(true)
+            .with_prevalidate_chunk_crcs(true)
+            .with_record_length_limit(MOST_BYTES);
+        let mut reader = LinearReader::new_with_options(options);
+        let length = (body.len() as u64).to_le_bytes();
+        let mut rest: Vec<&[u8]> = vec![body, &length, &[op::CHUNK]];
+        while let Some(event) = reader.next_event() {
+            match event.map_err(corrupt)? {
+                LinearReadEvent::ReadRequest(wanted) => {
+                    let part = rest.pop().unwrap_or_default();
+                    let (now, later) = part.split_at(part.len().min(wanted));
+                    reader.insert(now.len()).copy_from_slice(now);
+                    reader.notify_read(now.len());
+                    if !later.is_empty() {
+                        rest.push(later);
+                    }
+                }
+                LinearReadEvent::Record { data, opcode } => {
+                    each(mcap::parse_record(opcode, data).map_err(corrupt)?)?;
+                }
+            }
         }
         Ok(())
     }

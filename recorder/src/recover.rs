@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use mcap::records::{MessageHeader, Record};
 
 use crate::error::{RecordError, RecordingError};
-use crate::records::Records;
+use crate::records::{Next, Records};
 
 /// A chunk ends when it holds this much time [ns].
 const CHUNK_NS: u64 = 1_000_000_000;
@@ -62,9 +62,9 @@ pub fn recover(from: &Path, to: &Path) -> Result<Recovered, RecoverError> {
         let at = records.at();
         match records.next() {
             Ok(None) => break,
-            Ok(Some((_, Record::Chunk { header, data }))) => {
+            Ok(Some(Next::Chunk(body))) => {
                 let mut failed = None;
-                let whole = Records::open_chunk(from, at, header, &data, &mut |record| {
+                let whole = Records::open_chunk(from, at, body, &mut |record| {
                     if failed.is_none() {
                         failed = copy.take(record).err();
                     }
@@ -79,13 +79,13 @@ pub fn recover(from: &Path, to: &Path) -> Result<Recovered, RecoverError> {
                 }
             }
             // What follows is the index: it is made anew.
-            Ok(Some((_, Record::DataEnd(_)))) => {
+            Ok(Some(Next::Record(Record::DataEnd(_)))) => {
                 if let Err(e) = records.finish() {
                     damage = Some(e.to_string());
                 }
                 break;
             }
-            Ok(Some((_, record))) => copy.take(record)?,
+            Ok(Some(Next::Record(record))) => copy.take(record)?,
             Err(e @ RecordingError::Io { .. }) => return Err(e.into()),
             Err(e) => {
                 damage = Some(e.to_string());

@@ -16,7 +16,7 @@ use crate::definition::{definition, parts_per_element, topic_type};
 use crate::error::RecordError;
 use crate::exact::Layout;
 use crate::facts::{FILES, Facts, METADATA, ROBOT_FILE};
-use crate::ros::{self, RosType};
+use crate::ros::{self, Copier, RosType};
 
 /// A chunk ends when it is this old on the file's clock [ns].
 const CHUNK_NS: u64 = 1_000_000_000;
@@ -35,8 +35,8 @@ pub struct ChannelKey(usize);
 struct Channel {
     id: u16,
     path: String,
-    geometry: Geometry,
     layout: Layout,
+    copier: Option<Copier>,
     /// The copies under `/ros`, by type: images change theirs.
     copies: Vec<(RosType, u16)>,
 }
@@ -152,7 +152,8 @@ impl RecordingWriter {
         let words: BTreeMap<String, String> = words.into_iter().map(|(key, value)| (key.to_owned(), value)).collect();
         let id = self.checked(|out| out.add_channel(schema_id, path, "cdr", &words))?;
         let layout = Layout::new(geometry, parts);
-        self.channels.push(Channel { id, path: path.into(), geometry: geometry.clone(), layout, copies: Vec::new() });
+        let copier = Copier::of(&schema);
+        self.channels.push(Channel { id, path: path.into(), layout, copier, copies: Vec::new() });
         Ok(ChannelKey(self.channels.len() - 1))
     }
 
@@ -165,14 +166,14 @@ impl RecordingWriter {
         tail: &[u8],
     ) -> Result<(), RecordError> {
         let Some(channel) = self.channels.get(key.0) else { return Ok(()) };
-        let (id, layout) = (channel.id, channel.layout);
-        let copy = RosType::of(&channel.geometry, fixed);
+        let id = channel.id;
         let ns = sample.stamp_ns.saturating_add(self.offset_ns);
         let mut cdr = std::mem::take(&mut self.cdr);
-        layout.encode(sample, fixed, tail, &mut cdr);
+        channel.layout.encode(sample, fixed, tail, &mut cdr);
         let mut done = self.put(id, sample.sequence, ns, cdr.bytes());
-        if let (Ok(()), Some(kind)) = (&done, copy)
-            && kind.encode(ns, fixed, tail, &mut cdr)
+        let copier = self.channels[key.0].copier.as_ref();
+        if let Some(kind) = copier.and_then(|copier| copier.encode(ns, fixed, tail, &mut cdr))
+            && done.is_ok()
         {
             done = self.copy_channel(key, kind).and_then(|id| self.put(id, sample.sequence, ns, cdr.bytes()));
         }

@@ -48,6 +48,9 @@ pub fn run(mut args: Args, types: &[NodeType]) -> Result<(), Failure> {
     let length_s = length_s.map_err(|reason| Failure::new(USAGE, reason))?;
     let robot = load::robot(args.robot.as_deref(), &args.changes, types)?;
     let graph = robot.graph().map_err(load::errors)?;
+    for warning in &graph.warnings {
+        eprintln!("warning: {warning}");
+    }
     warn_of_refused_real_time(&robot);
     let stop = StopHandle::new()?;
     let (reports, inbox) = mpsc::channel();

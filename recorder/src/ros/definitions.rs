@@ -36,6 +36,17 @@ const COMPRESSED_IMAGE: &str = "std_msgs/Header header
 string format
 uint8[] data
 ";
+const LASER_SCAN: &str = "std_msgs/Header header
+float32 angle_min
+float32 angle_max
+float32 angle_increment
+float32 time_increment
+float32 scan_time
+float32 range_min
+float32 range_max
+float32[] ranges
+float32[] intensities
+";
 const BATTERY_STATE: &str = "uint8 POWER_SUPPLY_STATUS_UNKNOWN=0
 uint8 POWER_SUPPLY_STATUS_CHARGING=1
 uint8 POWER_SUPPLY_STATUS_DISCHARGING=2
@@ -81,6 +92,7 @@ pub fn definition(kind: RosType) -> String {
         RosType::Twist | RosType::Command => (TWIST_STAMPED, &[HEADER, TIME, TWIST, VECTOR3]),
         RosType::Image => (IMAGE, &[HEADER, TIME]),
         RosType::CompressedImage => (COMPRESSED_IMAGE, &[HEADER, TIME]),
+        RosType::LaserScan => (LASER_SCAN, &[HEADER, TIME]),
         RosType::BatteryState => (BATTERY_STATE, &[HEADER, TIME]),
     };
     let mut text = own.to_owned();

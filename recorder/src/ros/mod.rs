@@ -11,13 +11,14 @@
 //! A copy is for eyes; what is replayed is the exact sample.
 
 mod definitions;
+mod laser;
 
 pub use definitions::definition;
 pub(crate) use definitions::{INCIDENT, INCIDENT_TYPE};
 
 use crate::cdr::Cdr;
-use messages::{BaseState, Command, Encoding, Image, Message, Odometry, Twist, bytemuck};
-use runtime::channel::Geometry;
+use laser::LaserFields;
+use messages::{BaseState, Command, Encoding, Image, Message, Odometry, Schema, Twist, bytemuck};
 
 /// Which ROS 2 message a channel is copied as.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -32,8 +33,52 @@ pub enum RosType {
     Image,
     /// sensor_msgs/msg/CompressedImage.
     CompressedImage,
+    /// sensor_msgs/msg/LaserScan.
+    LaserScan,
     /// sensor_msgs/msg/BatteryState.
     BatteryState,
+}
+
+/// How the samples of one channel are copied.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) enum Copier {
+    /// Always as this type.
+    Plain(RosType),
+    /// As a picture, or as a compressed one: each says which it is.
+    Image,
+    /// As a laser scan, whose fields are found by their names.
+    Laser(LaserFields),
+}
+
+impl Copier {
+    /// How samples with this schema are copied, if they are.
+    pub fn of(schema: &Schema) -> Option<Copier> {
+        let is = |hash: u64| schema.hash() == hash;
+        match schema.name.as_str() {
+            "Odometry" if is(Odometry::layout_hash()) => Some(Copier::Plain(RosType::Odometry)),
+            "Twist" if is(Twist::layout_hash()) => Some(Copier::Plain(RosType::Twist)),
+            "Command" if is(Command::layout_hash()) => Some(Copier::Plain(RosType::Command)),
+            "BaseState" if is(BaseState::layout_hash()) => Some(Copier::Plain(RosType::BatteryState)),
+            "Image" if is(Image::layout_hash()) => Some(Copier::Image),
+            "LaserScan" => LaserFields::of(schema).map(Copier::Laser),
+            _ => None,
+        }
+    }
+
+    /// Writes the copy and says what it is; `None` where the bytes are not what they should be. `ns` is the stamp on the
+    /// file's clock.
+    pub fn encode(&self, ns: u64, fixed: &[u8], tail: &[u8], into: &mut Cdr) -> Option<RosType> {
+        into.clear();
+        match self {
+            Copier::Laser(fields) => fields.encode(ns, fixed, tail, into).map(|()| RosType::LaserScan),
+            Copier::Plain(kind) => kind.encode(ns, fixed, tail, into).map(|()| *kind),
+            Copier::Image => {
+                let jpeg = read::<Image>(fixed)?.encoding == Encoding::Jpeg as u32;
+                let kind = if jpeg { RosType::CompressedImage } else { RosType::Image };
+                kind.encode(ns, fixed, tail, into).map(|()| kind)
+            }
+        }
+    }
 }
 
 impl RosType {
@@ -44,29 +89,12 @@ impl RosType {
             RosType::Twist | RosType::Command => "geometry_msgs/msg/TwistStamped",
             RosType::Image => "sensor_msgs/msg/Image",
             RosType::CompressedImage => "sensor_msgs/msg/CompressedImage",
+            RosType::LaserScan => "sensor_msgs/msg/LaserScan",
             RosType::BatteryState => "sensor_msgs/msg/BatteryState",
         }
     }
 
-    /// What samples of a channel of this geometry are copied as; an image says in each sample which of two it is.
-    pub fn of(geometry: &Geometry, fixed: &[u8]) -> Option<RosType> {
-        let is = |hash: u64| geometry.layout_hash == hash;
-        Some(match geometry.type_name.as_str() {
-            "Odometry" if is(Odometry::layout_hash()) => RosType::Odometry,
-            "Twist" if is(Twist::layout_hash()) => RosType::Twist,
-            "Command" if is(Command::layout_hash()) => RosType::Command,
-            "BaseState" if is(BaseState::layout_hash()) => RosType::BatteryState,
-            "Image" if is(Image::layout_hash()) => match read::<Image>(fixed)?.encoding {
-                jpeg if jpeg == Encoding::Jpeg as u32 => RosType::CompressedImage,
-                _ => RosType::Image,
-            },
-            _ => return None,
-        })
-    }
-
-    /// Writes the copy; false where the bytes are not what they should be. `ns` is the stamp on the file's clock.
-    pub(crate) fn encode(self, ns: u64, fixed: &[u8], tail: &[u8], into: &mut Cdr) -> bool {
-        into.clear();
+    fn encode(self, ns: u64, fixed: &[u8], tail: &[u8], into: &mut Cdr) -> Option<()> {
         match self {
             RosType::Odometry => read(fixed).map(|message| odometry(ns, &message, into)),
             RosType::Twist => read(fixed).map(|message| twist(into.header(ns, "base_link"), &message)),
@@ -79,8 +107,9 @@ impl RosType {
                 Some(())
             }
             RosType::BatteryState => read(fixed).map(|message| battery(ns, &message, into)),
+            // Found by its fields' names, see `Copier::Laser`.
+            RosType::LaserScan => None,
         }
-        .is_some()
     }
 }
 
