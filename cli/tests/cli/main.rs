@@ -8,4 +8,5 @@ mod files;
 mod hz;
 mod ls;
 mod place;
+mod recordings;
 mod terminal;
