@@ -69,14 +69,14 @@ pub struct Moment {
 const MOVING_M_S: f64 = 0.01;
 /// The run goes in slices of this length, after each of which the samples are collected [s].
 const SLICE_S: f64 = 0.25;
-/// In a recorded run the slices are short: no ring may overflow between two looks [s].
-const RECORDED_SLICE_S: f64 = 0.05;
+/// Looks per slice of a recorded run: no ring may overflow between two.
+const RECORDED_LOOKS: u32 = 5;
 /// Every so manieth truth becomes a point of the track.
 const TRACK_EVERY: u64 = 10;
 
 /// One run of `robot` for `seconds` from `seed`.
 pub fn run(robot: &Robot, seed: u64, seconds: f64) -> Result<Run, OpenError> {
-    run_slices(robot, seed, seconds, SLICE_S, &mut |_| {})
+    run_slices(robot, seed, seconds, 1, &mut |_| {})
 }
 
 /// The same, recorded to `file`: every step of every node can be replayed from it.
@@ -88,7 +88,7 @@ pub fn run_recorded(robot: &Robot, seed: u64, seconds: f64, file: &Path) -> Resu
     let mut out = recorder::RecordingWriter::create(file, &facts)?;
     let mut taps: Option<recorder::Taps> = None;
     let mut done = Ok(());
-    let run = run_slices(&robot, seed, seconds, RECORDED_SLICE_S, &mut |host| {
+    let run = run_slices(&robot, seed, seconds, RECORDED_LOOKS, &mut |host| {
         let first = taps.is_none();
         let taps = taps.get_or_insert_with(|| recorder::Taps::new(host.tree().clone(), Vec::new()));
         if done.is_ok() {
@@ -101,12 +101,12 @@ pub fn run_recorded(robot: &Robot, seed: u64, seconds: f64, file: &Path) -> Resu
     Ok(run)
 }
 
-/// One run, with a look at the host after its start, after every slice, and after its stop.
+/// One run, with a look at the host after its start, `looks` times in every slice, and after its stop.
 fn run_slices(
     robot: &Robot,
     seed: u64,
     seconds: f64,
-    slice_s: f64,
+    looks: u32,
     look: &mut dyn FnMut(&SimulatedHost),
 ) -> Result<Run, OpenError> {
     let started = clock::now();
@@ -115,9 +115,12 @@ fn run_slices(
     let end = Time::from_seconds(seconds);
     look(&host);
     while host.now() < end {
-        host.run_until(host.now().after_s(slice_s).min(end));
+        let begin = host.now();
+        for part in 1..=looks {
+            host.run_until(begin.after_s(SLICE_S * f64::from(part) / f64::from(looks)).min(end));
+            look(&host);
+        }
         watch.collect();
-        look(&host);
     }
     host.stop();
     look(&host);

@@ -17,8 +17,8 @@ pub struct Args {
     #[arg(long, default_value_t = 1.0)]
     rate: f64,
     /// Begins this far into it, as in 20s
-    #[arg(long, value_name = "TIME", default_value = "0s")]
-    from: String,
+    #[arg(long, value_name = "TIME")]
+    from: Option<String>,
     /// Plays this much of it
     #[arg(long = "for", value_name = "TIME")]
     length: Option<String>,
@@ -39,8 +39,8 @@ pub fn run(args: Args) -> Result<(), Failure> {
     if !(args.rate > 0.0 && args.rate.is_finite()) {
         return Err(usage(format!("--rate {}: it must be a number above 0", args.rate)));
     }
-    let from_s = parse_seconds(&args.from).map_err(usage)?;
-    let length_s = args.length.as_deref().map(parse_seconds).transpose().map_err(usage)?;
+    let time = |text: &Option<String>| text.as_deref().map(parse_seconds).transpose().map_err(usage);
+    let (from_s, length_s) = (time(&args.from)?.unwrap_or(0.0), time(&args.length)?);
     let recording = Recording::open(&args.file)?;
     let name = args.name.unwrap_or_else(|| recording.facts().robot.clone());
     if !path::is_name(&name) {
