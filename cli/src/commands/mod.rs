@@ -13,10 +13,15 @@ mod goto;
 mod graph;
 mod help;
 mod hz;
+mod info;
 mod logs;
 mod ls;
 mod mode;
 pub mod node;
+mod play;
+mod record;
+mod recover;
+mod replay;
 pub mod run;
 mod schema;
 pub mod simulate;
@@ -62,6 +67,16 @@ enum Command {
     Call(call::Args),
     #[command(after_help = help::LOGS)]
     Logs(logs::Args),
+    #[command(after_help = help::RECORD)]
+    Record(record::Args),
+    #[command(after_help = help::INFO)]
+    Info(info::Args),
+    #[command(after_help = help::PLAY)]
+    Play(play::Args),
+    #[command(after_help = help::REPLAY)]
+    Replay(replay::Args),
+    #[command(after_help = help::RECOVER)]
+    Recover(recover::Args),
     #[command(after_help = help::CHECK)]
     Check(check::Args),
     #[command(after_help = help::GRAPH)]
@@ -111,6 +126,11 @@ fn dispatch(command: Command, types: &[NodeType]) -> Result<(), Failure> {
         Command::Hz(args) => hz::run(args),
         Command::Call(args) => call::run(args),
         Command::Logs(args) => logs::run(args),
+        Command::Record(args) => record::run(args, types),
+        Command::Info(args) => info::run(args),
+        Command::Play(args) => play::run(args),
+        Command::Replay(args) => replay::run(args, types),
+        Command::Recover(args) => recover::run(args),
         Command::Check(args) => check::run(args, types),
         Command::Graph(args) => graph::run(args, types),
         Command::Schema(args) => schema::run(args, types),

@@ -6,6 +6,7 @@ mod machine;
 mod markdown;
 mod placement;
 mod process;
+mod record;
 mod reflex;
 mod report;
 mod scratch;
@@ -20,7 +21,7 @@ use report::Report;
 use runtime::NodeType;
 use std::path::PathBuf;
 
-/// Measures this machine: channels, idle nodes, the reflex path, the speed of simulation
+/// Measures this machine: channels, idle nodes, the reflex path, the speed of simulation, the cost of recording
 #[derive(Debug, clap::Args)]
 pub struct Args {
     #[command(subcommand)]
@@ -40,7 +41,7 @@ pub struct Args {
     /// Folder of the data that perception and tracking want, with leg-tracker/, csail/, dynabarn/ in it
     #[arg(long, global = true, value_name = "DIR")]
     data: Option<PathBuf>,
-    /// How long idle and reflex measure, as in 20s
+    /// How long idle, reflex and record measure, as in 20s
     #[arg(long = "for", global = true, value_name = "TIME")]
     length: Option<String>,
 }
@@ -57,6 +58,8 @@ enum What {
     Simulate,
     /// How well moving cylinders and people's legs are tracked, by each way of tracking
     Tracking,
+    /// What recording a live robot with 5 MB/s costs, and whether its control becomes later by it
+    Record,
     /// All of them, one after another, as without a word
     All,
     /// The answering process of `channel`
@@ -68,6 +71,8 @@ enum What {
 const IDLE_S: f64 = 10.0;
 /// Time that the reflex is measured [s].
 const REFLEX_S: f64 = 20.0;
+/// Time that is recorded [s].
+const RECORD_S: f64 = 20.0;
 /// Runs the bench and prints what it found.
 pub fn run(args: Args, types: &[NodeType]) -> Result<(), Failure> {
     let length_s = args.length.as_deref().map(parse_seconds).transpose();
@@ -82,13 +87,15 @@ pub fn run(args: Args, types: &[NodeType]) -> Result<(), Failure> {
     let reflex = || reflex::run(robot, length_s.unwrap_or(reflex_s * part), types);
     let simulate = || simulate::run(robot, part, types);
     let tracking = || tracking::run(args.data.as_deref(), part);
+    let record = || record::run(robot, length_s.unwrap_or(RECORD_S * part.max(0.2)), types);
     let benches: Vec<&dyn Fn() -> Result<Report, Failure>> = match &what {
         What::Channel => vec![&channel],
         What::Idle => vec![&idle],
         What::Reflex => vec![&reflex],
         What::Simulate => vec![&simulate],
         What::Tracking => vec![&tracking],
-        What::All => vec![&channel, &idle, &reflex, &simulate],
+        What::Record => vec![&record],
+        What::All => vec![&channel, &idle, &reflex, &simulate, &record],
         What::Partner(partner) => return channel::partner::run(partner),
     };
     let mut out = Out::stdout();
