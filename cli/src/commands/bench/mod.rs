@@ -7,6 +7,7 @@ mod markdown;
 mod perception;
 mod placement;
 mod process;
+mod record;
 mod reflex;
 mod report;
 mod scratch;
@@ -21,7 +22,7 @@ use report::Report;
 use runtime::NodeType;
 use std::path::PathBuf;
 
-/// Measures this machine: channels, idle nodes, the reflex path, the speed of simulation
+/// Measures this machine: channels, idle nodes, the reflex path, the speed of simulation, the cost of recording
 #[derive(Debug, clap::Args)]
 pub struct Args {
     #[command(subcommand)]
@@ -41,7 +42,7 @@ pub struct Args {
     /// Folder of the data that perception and tracking want, with leg-tracker/, csail/, dynabarn/ in it
     #[arg(long, global = true, value_name = "DIR")]
     data: Option<PathBuf>,
-    /// How long idle and reflex measure, as in 20s
+    /// How long idle, reflex and record measure, as in 20s
     #[arg(long = "for", global = true, value_name = "TIME")]
     length: Option<String>,
 }
@@ -60,6 +61,8 @@ enum What {
     Perception,
     /// How well moving cylinders and people's legs are tracked, by each way of tracking
     Tracking,
+    /// What recording a live robot with 5 MB/s costs, and whether its control becomes later by it
+    Record,
     /// All of them, one after another, as without a word
     All,
     /// The answering process of `channel`
@@ -71,6 +74,8 @@ enum What {
 const IDLE_S: f64 = 10.0;
 /// Time that the reflex is measured [s].
 const REFLEX_S: f64 = 20.0;
+/// Time that is recorded [s].
+const RECORD_S: f64 = 20.0;
 /// Runs the bench and prints what it found.
 pub fn run(args: Args, types: &[NodeType]) -> Result<(), Failure> {
     let length_s = args.length.as_deref().map(parse_seconds).transpose();
@@ -86,6 +91,7 @@ pub fn run(args: Args, types: &[NodeType]) -> Result<(), Failure> {
     let simulate = || simulate::run(robot, part, types);
     let perception = || perception::run(args.data.as_deref(), part);
     let tracking = || tracking::run(args.data.as_deref(), part);
+    let record = || record::run(robot, length_s.unwrap_or(RECORD_S * part.max(0.2)), types);
     let benches: Vec<&dyn Fn() -> Result<Report, Failure>> = match &what {
         What::Channel => vec![&channel],
         What::Idle => vec![&idle],
@@ -93,7 +99,8 @@ pub fn run(args: Args, types: &[NodeType]) -> Result<(), Failure> {
         What::Simulate => vec![&simulate],
         What::Perception => vec![&perception],
         What::Tracking => vec![&tracking],
-        What::All => vec![&channel, &idle, &reflex, &simulate],
+        What::Record => vec![&record],
+        What::All => vec![&channel, &idle, &reflex, &simulate, &record],
         What::Partner(partner) => return channel::partner::run(partner),
     };
     let mut out = Out::stdout();
