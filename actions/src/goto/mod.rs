@@ -51,6 +51,7 @@ struct Mission {
 }
 
 /// Who ordered it.
+#[allow(clippy::large_enum_variant, reason = "a box would allocate in a step")]
 enum Ordered {
     Goal(Order<GotoGoal, GotoProgress, GotoResult>),
     Path(Order<GotoPath, GotoProgress, GotoResult>),
