@@ -13,6 +13,7 @@ mod grid;
 mod image;
 mod map;
 mod person;
+mod rays;
 #[cfg(test)]
 mod tests;
 
