@@ -1,7 +1,9 @@
 //! The algorithm `switch_80cm` (S2's baseline): Avoid takes over when an obstacle comes within 80 cm.
 //!
 //! While something is near, the actions that take over decide alone on all axes, if they have any opinion; otherwise all
-//! the others do. Among those who decide it is the weighted mean. An opinion that must be obeyed counts always.
+//! the others do. Where no other wants anything there is nothing to take over: a robot that stands without a mission does
+//! not drive away from whoever comes near. Among those who decide it is the weighted mean. An opinion that must be obeyed
+//! counts always.
 
 use crate::opinion::Opinion;
 use crate::round::{Decisions, Round};
@@ -9,7 +11,8 @@ use crate::weighted::weighted;
 
 /// Decides a round.
 pub fn switch_80cm(round: &Round<'_>) -> Decisions {
-    let taken_over = round.near && round.opinions.iter().any(|axis| axis.iter().any(|opinion| opinion.takes_over));
+    let wants = |takes_over: bool| round.opinions.iter().any(|axis| axis.iter().any(|o| o.takes_over == takes_over));
+    let taken_over = round.near && wants(true) && wants(false);
     let decides = |opinion: &&Opinion| opinion.takes_over == taken_over || opinion.must();
     round.by_axis(|axis| weighted(axis.iter().filter(decides)))
 }
@@ -37,6 +40,12 @@ mod tests {
         let (forward, turn) = ([opinion(0, 0.5, 1.0, 0.5)], [avoid(0.4)]);
         let near = switch_80cm(&Round { near: true, ..round(&forward, &turn) });
         assert_eq!(near[0], None, "the other's speed belongs to another path");
+    }
+
+    #[test]
+    fn where_nobody_else_wants_anything_nothing_moves() {
+        let (forward, turn) = ([avoid(0.1)], [avoid(0.4)]);
+        assert_eq!(switch_80cm(&Round { near: true, ..round(&forward, &turn) }), [None; 3]);
     }
 
     #[test]
