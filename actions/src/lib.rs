@@ -1,6 +1,7 @@
 //! Behaviours: each proposes motion for one purpose.
 
 pub mod escape;
+pub mod follow_gap;
 pub mod forward;
 pub mod sectors;
 pub mod steer_clear;

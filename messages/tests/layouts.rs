@@ -7,7 +7,9 @@ use std::fmt::Debug;
 use std::fs;
 use std::path::Path;
 
-use messages::{ContactCause, Echo, Encoding, Field, Kind, Link, Message, Schema, Stop, Wish};
+use messages::{
+    ContactCause, Echo, Encoding, Field, Kind, Link, Message, Schema, SegmentShape, Stop, TrackMotion, TrackState, Wish,
+};
 use shipped::every_message;
 
 /// Name, size of the fixed part [byte] and layout hash of every shipped message, by name.
@@ -27,9 +29,13 @@ const LAYOUTS: &[(&str, usize, u64)] = &[
     ("Odometry", 200, 0xd236_4438_8487_504c),
     ("Proposal", 112, 0x1b8f_7b10_6048_5186),
     ("Ranges", 16, 0xd40a_7f3b_a98d_f009),
+    ("Segment", 104, 0x9260_6476_fb7f_dc90),
+    ("Segments", 16, 0x06d6_2b8c_0505_4ea7),
     ("Sound", 16, 0x2b97_d221_0b71_2ccc),
     ("StepInputs", 24, 0xb0c8_3fef_6ecb_4963),
     ("Switch", 8, 0xa461_43bc_51c2_bc5a),
+    ("Track", 256, 0xa4ac_1f24_f08a_4da2),
+    ("Tracks", 72, 0x29f2_4bea_2f9e_40f1),
     ("Trigger", 8, 0x6991_0448_f9f2_80b7),
     ("Truth", 88, 0x7d1a_fa5b_7340_174b),
     ("Twist", 24, 0x0c66_3de7_b0de_9fd9),
@@ -118,6 +124,12 @@ fn the_names_in_the_schemas_are_those_of_the_enums() {
     check::<messages::Axis, _>("wish", [Wish::Abstain, Wish::Exact, Wish::Word], |wish| wish as u64);
     let stop = [Stop::None, Stop::StaleVelocity, Stop::Blind, Stop::Zone, Stop::Bumper, Stop::Stall, Stop::Base];
     check::<messages::MotionState, _>("stop", stop, |stop| stop as u64);
+    let state = [TrackState::Tentative, TrackState::Confirmed, TrackState::Coasting];
+    check::<messages::Track, _>("state", state, |state| state as u64);
+    let motion = [TrackMotion::Unknown, TrackMotion::Still, TrackMotion::Moving];
+    check::<messages::Track, _>("motion", motion, |motion| motion as u64);
+    let shape = [SegmentShape::Speck, SegmentShape::Round, SegmentShape::Straight];
+    check::<messages::Segment, _>("shape", shape, |shape| shape as u64);
     check::<messages::Contact, _>("cause", [Drove, ReversedBlind, Suffered], |cause| cause as u64);
 
     fn check<M: Message, E: Debug + Copy>(field: &str, variants: impl IntoIterator<Item = E>, number: fn(E) -> u64) {

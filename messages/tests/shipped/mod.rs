@@ -4,7 +4,8 @@
 macro_rules! every_message {
     ($check:ident) => {
         every_message!($check: Axis BaseState Beam Command Contact CoordinatorState Done FreeSectors Image InputCursor
-            MotionState NodeStatistics Odometry Proposal Ranges Sound StepInputs Switch Trigger Truth Twist)
+            MotionState NodeStatistics Odometry Proposal Ranges Segment Segments Sound StepInputs Switch Track
+            Tracks Trigger Truth Twist)
     };
     ($check:ident: $($message:ident)*) => {
         [$($check::<messages::$message>()),*]
