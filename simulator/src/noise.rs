@@ -12,6 +12,8 @@ pub(crate) enum Purpose {
     Wheels = 3,
     Sonar = 4,
     Line = 5,
+    Layout = 20,
+    Swarm = 21,
 }
 
 /// A seeded generator.
