@@ -1,7 +1,6 @@
 //! Plans worth judging: what was planned before, the way of the guide at several speeds, arcs and S-curves, turns in
 //! place, stops, a way back; and changes to the best of them, drawn once from a seed.
 
-use super::guide::Guide;
 use super::pose::Point;
 use super::rollout::{INTERVALS, Limits, Plan, State};
 use runtime::math;
@@ -103,8 +102,7 @@ pub fn shifted(plan: &Plan, shift: f64) -> Plan {
 }
 
 /// Plans that follow the guide's `path` by pure pursuit (Coulter, 1992), one per speed and look ahead, into `plans`.
-pub fn followers(state: State, path: &[Point], limits: &Limits, interval_s: f64, guide: &Guide, plans: &mut Vec<Plan>) {
-    let _ = guide;
+pub fn followers(state: State, path: &[Point], limits: &Limits, interval_s: f64, plans: &mut Vec<Plan>) {
     for share in SPEEDS {
         for look_m in LOOKS_M {
             if plans.len() < plans.capacity() {

@@ -9,28 +9,43 @@ use super::pose::Point;
 /// Where there is no point at all, as a coordinate.
 const NOWHERE: f32 = 1e6;
 
-/// The raster.
+/// The nearest obstacle point of a cell, and its squared distance from the cell's centre.
+#[derive(Debug, Clone, Copy)]
+struct Near {
+    x_m: f32,
+    y_m: f32,
+    squared: f32,
+}
+
+const NOTHING: Near = Near { x_m: NOWHERE, y_m: NOWHERE, squared: f32::INFINITY };
+
+impl Near {
+    /// Takes another cell's point over where it is nearer to the centre (`x_m`, `y_m`).
+    #[inline(always)]
+    fn pull(&mut self, x_m: f32, y_m: f32, other: &Near) {
+        let (dx, dy) = (other.x_m - x_m, other.y_m - y_m);
+        let squared = dx * dx + dy * dy;
+        if squared < self.squared {
+            *self = Near { squared, ..*other };
+        }
+    }
+}
+
+/// The raster. A rim of empty cells around it spares every look beside one the question whether it is inside.
 #[derive(Debug)]
 pub struct Clearance {
     cells: usize,
     cell_m: f32,
     left_m: f32,
     bottom_m: f32,
-    nearest: Vec<[f32; 2]>,
-    distance: Vec<f32>,
+    near: Vec<Near>,
 }
 
 impl Clearance {
     /// A raster of `cells` × `cells` cells of `cell_m`.
     pub fn new(cells: usize, cell_m: f64) -> Clearance {
-        Clearance {
-            cells,
-            cell_m: cell_m as f32,
-            left_m: 0.0,
-            bottom_m: 0.0,
-            nearest: vec![[NOWHERE; 2]; cells * cells],
-            distance: vec![f32::INFINITY; cells * cells],
-        }
+        let near = vec![NOTHING; (cells + 2) * (cells + 2)];
+        Clearance { cells, cell_m: cell_m as f32, left_m: 0.0, bottom_m: 0.0, near }
     }
 
     /// Cells along a side.
@@ -48,9 +63,13 @@ impl Clearance {
         Point::new(f64::from(self.left_m), f64::from(self.bottom_m))
     }
 
-    /// Distance of each cell's centre from the nearest point, row by row from the bottom [m].
-    pub fn distances(&self) -> &[f32] {
-        &self.distance
+    /// Distance of a cell's centre from the nearest point; huge where there is none [m].
+    pub fn distance_m(&self, column: usize, row: usize) -> f32 {
+        self.near[self.index(column, row)].squared.sqrt()
+    }
+
+    fn index(&self, column: usize, row: usize) -> usize {
+        (row + 1) * (self.cells + 2) + column + 1
     }
 
     /// Works the raster out anew about `centre`, snapped to whole cells, for these obstacle points.
@@ -59,72 +78,34 @@ impl Clearance {
         let half = 0.5 * n as f32 * cell;
         self.left_m = ((centre.x_m as f32 - half) / cell).round() * cell;
         self.bottom_m = ((centre.y_m as f32 - half) / cell).round() * cell;
-        self.nearest.fill([NOWHERE; 2]);
-        self.distance.fill(f32::INFINITY);
+        self.near.fill(NOTHING);
         for point in points {
-            let (x, y) = (point.x_m as f32, point.y_m as f32);
-            let (column, row) = ((x - self.left_m) / cell, (y - self.bottom_m) / cell);
+            let (x_m, y_m) = (point.x_m as f32, point.y_m as f32);
+            let (column, row) = ((x_m - self.left_m) / cell, (y_m - self.bottom_m) / cell);
             let inside = column >= 0.0 && row >= 0.0 && column < n as f32 && row < n as f32;
             if inside {
                 let (column, row) = (column as usize, row as usize);
-                self.offer(row * n + column, self.centre_of(column, row), [x, y]);
+                let index = self.index(column, row);
+                let [cx, cy] = self.centre_of(column, row);
+                self.near[index].pull(cx, cy, &Near { x_m, y_m, squared: 0.0 });
             }
         }
+        let width = n + 2;
         for row in 0..n {
-            self.sweep_row(row, row.checked_sub(1));
+            let (before, after) = self.near.split_at_mut((row + 1) * width);
+            let y_m = self.bottom_m + (row as f32 + 0.5) * cell;
+            sweep(&mut after[..width], &before[row * width..], self.left_m, y_m, cell);
         }
         for row in (0..n).rev() {
-            self.sweep_row(row, (row + 1 < n).then_some(row + 1));
-        }
-        for distance in &mut self.distance {
-            *distance = distance.sqrt();
+            let (before, after) = self.near.split_at_mut((row + 2) * width);
+            let y_m = self.bottom_m + (row as f32 + 0.5) * cell;
+            sweep(&mut before[(row + 1) * width..], &after[..width], self.left_m, y_m, cell);
         }
     }
 
     fn centre_of(&self, column: usize, row: usize) -> [f32; 2] {
         let cell = self.cell_m;
         [self.left_m + (column as f32 + 0.5) * cell, self.bottom_m + (row as f32 + 0.5) * cell]
-    }
-
-    /// Takes `point` over where it is nearer; the distances are squared meanwhile.
-    fn offer(&mut self, index: usize, centre: [f32; 2], point: [f32; 2]) {
-        let (dx, dy) = (point[0] - centre[0], point[1] - centre[1]);
-        let squared = dx * dx + dy * dy;
-        if squared < self.distance[index] {
-            self.distance[index] = squared;
-            self.nearest[index] = point;
-        }
-    }
-
-    /// Takes over what the row `other` beside this one knows, then lets it run along the row both ways.
-    fn sweep_row(&mut self, row: usize, other: Option<usize>) {
-        let n = self.cells;
-        for column in 0..n {
-            let (index, centre) = (row * n + column, self.centre_of(column, row));
-            if let Some(other) = other {
-                let beside = other * n + column;
-                self.pull(index, centre, beside);
-                if column > 0 {
-                    self.pull(index, centre, beside - 1);
-                }
-                if column + 1 < n {
-                    self.pull(index, centre, beside + 1);
-                }
-            }
-            if column > 0 {
-                self.pull(index, centre, index - 1);
-            }
-        }
-        for column in (0..n.saturating_sub(1)).rev() {
-            let index = row * n + column;
-            self.pull(index, self.centre_of(column, row), index + 1);
-        }
-    }
-
-    fn pull(&mut self, index: usize, centre: [f32; 2], from: usize) {
-        if self.distance[from] < f32::INFINITY {
-            self.offer(index, centre, self.nearest[from]);
-        }
     }
 
     /// The obstacle point nearest to the centre of the cell that holds `point`; `None` outside and where there is none.
@@ -136,8 +117,32 @@ impl Clearance {
         if !inside {
             return None;
         }
-        let [x, y] = self.nearest[row as usize * self.cells + column as usize];
-        (x < NOWHERE).then_some(Point::new(f64::from(x), f64::from(y)))
+        let near = &self.near[self.index(column as usize, row as usize)];
+        (near.x_m < NOWHERE).then_some(Point::new(f64::from(near.x_m), f64::from(near.y_m)))
+    }
+}
+
+/// Takes over what the row `beside` this one knows, then lets it run along the row both ways. Both rows have a rim cell at
+/// either end.
+fn sweep(row: &mut [Near], beside: &[Near], left_m: f32, y_m: f32, cell_m: f32) {
+    let n = row.len() - 2;
+    let beside = &beside[..row.len()];
+    let mut x_m = left_m + 0.5 * cell_m;
+    let mut last = row[0];
+    for (cell, other) in row[1..=n].iter_mut().zip(beside.windows(3)) {
+        let mut here = *cell;
+        here.pull(x_m, y_m, &other[0]);
+        here.pull(x_m, y_m, &other[1]);
+        here.pull(x_m, y_m, &other[2]);
+        here.pull(x_m, y_m, &last);
+        (*cell, last) = (here, here);
+        x_m += cell_m;
+    }
+    let mut last = row[n + 1];
+    for cell in row[1..=n].iter_mut().rev() {
+        x_m -= cell_m;
+        cell.pull(x_m, y_m, &last);
+        last = *cell;
     }
 }
 
@@ -159,7 +164,7 @@ mod tests {
                     let [x, y] = raster.centre_of(column, row);
                     let here = Point::new(f64::from(x), f64::from(y));
                     let exact = points.iter().map(|p| here.to(*p).length_m()).fold(f64::INFINITY, f64::min);
-                    let found = f64::from(raster.distances()[row * 60 + column]);
+                    let found = f64::from(raster.distance_m(column, row));
                     // Of two points in one cell one is kept: they are at most its diagonal apart.
                     prop_assert!(found >= exact - 1e-3 && found <= exact + 0.0725, "{found} {exact}");
                 }

@@ -48,8 +48,12 @@ pub struct Guide {
     cells: usize,
     cell_m: f64,
     corner: Point,
+    /// Final costs; infinite where none is known yet, and on a rim around the raster.
     cost: Vec<f32>,
-    done: Vec<bool>,
+    /// The least cost found so far.
+    tentative: Vec<f32>,
+    /// What a cell costs to cross.
+    step: Vec<f32>,
     heads: Vec<u32>,
     next: Vec<u32>,
     what: Vec<u32>,
@@ -62,13 +66,14 @@ const ENTRIES_PER_CELL: usize = 4;
 impl Guide {
     /// Costs over a raster of `cells` × `cells`.
     pub fn new(cells: usize) -> Guide {
-        let count = cells * cells;
+        let count = (cells + 2) * (cells + 2);
         Guide {
             cells,
             cell_m: 1.0,
             corner: Point::default(),
             cost: vec![f32::INFINITY; count],
-            done: vec![false; count],
+            tentative: vec![f32::INFINITY; count],
+            step: vec![f32::INFINITY; count],
             heads: vec![NONE; BUCKETS],
             next: vec![NONE; count * ENTRIES_PER_CELL],
             what: vec![0; count * ENTRIES_PER_CELL],
@@ -81,20 +86,24 @@ impl Guide {
         let n = self.cells;
         (self.cell_m, self.corner) = (clearance.cell_m(), clearance.corner());
         self.cost.fill(f32::INFINITY);
-        self.done.fill(false);
+        self.tentative.fill(f32::INFINITY);
         self.heads.fill(NONE);
         self.entries = 0;
+        for row in 0..n {
+            for column in 0..n {
+                let index = self.index(column, row);
+                self.step[index] = price.of(clearance.distance_m(column, row)) * self.cell_m as f32;
+            }
+        }
         let (column, row) = self.place(goal);
         if column >= 0.0 && row >= 0.0 && column < n as f64 && row < n as f64 {
-            let index = row as usize * n + column as usize;
-            self.cost[index] = 0.0;
-            self.push(index, 0.0, 0);
+            self.offer(self.index(column as usize, row as usize), 0.0, 0);
         } else {
-            self.seed_edge(clearance, price, goal);
+            self.seed_edge(goal);
         }
-        let target = self.place(robot);
-        let target = (target.0.clamp(0.0, n as f64 - 1.0) as usize, target.1.clamp(0.0, n as f64 - 1.0) as usize);
-        let target = target.1 * n + target.0;
+        let (column, row) = self.place(robot);
+        let within = |cell: f64| cell.clamp(0.0, n as f64 - 1.0) as usize;
+        let target = self.index(within(column), within(row));
         let mut last = f32::INFINITY;
         let (mut tick, mut empty) = (0, 0);
         while empty < BUCKETS && tick as f32 * BUCKET <= last {
@@ -107,53 +116,51 @@ impl Guide {
             empty = 0;
             self.heads[tick % BUCKETS] = self.next[entry as usize];
             let index = self.what[entry as usize] as usize;
-            if std::mem::replace(&mut self.done[index], true) {
+            if self.cost[index] < f32::INFINITY {
                 continue;
             }
+            self.cost[index] = self.tentative[index];
             if index == target {
                 last = tick as f32 * BUCKET + beyond;
             }
-            self.spread(index, tick, clearance.distances(), price);
+            self.spread(index, tick);
         }
         let most = if last.is_finite() { last } else { tick as f32 * BUCKET };
-        for (cost, done) in self.cost.iter_mut().zip(&self.done) {
-            if !*done {
-                *cost = most;
-            }
+        for cost in &mut self.cost {
+            *cost = cost.min(most);
         }
+    }
+
+    fn index(&self, column: usize, row: usize) -> usize {
+        (row + 1) * (self.cells + 2) + column + 1
     }
 
     fn place(&self, point: Point) -> (f64, f64) {
         ((point.x_m - self.corner.x_m) / self.cell_m, (point.y_m - self.corner.y_m) / self.cell_m)
     }
 
-    fn centre_of(&self, index: usize) -> Point {
-        let (column, row) = (index % self.cells, index / self.cells);
-        Point::new(
-            self.corner.x_m + (column as f64 + 0.5) * self.cell_m,
-            self.corner.y_m + (row as f64 + 0.5) * self.cell_m,
-        )
-    }
-
-    fn seed_edge(&mut self, clearance: &Clearance, price: &Price, goal: Point) {
+    fn seed_edge(&mut self, goal: Point) {
         let n = self.cells;
-        let edge = (0..n).flat_map(|k| [k, (n - 1) * n + k, k * n, k * n + n - 1]);
-        let least = edge.clone().map(|index| self.centre_of(index).to(goal).length_m()).fold(f64::INFINITY, f64::min);
-        for index in edge {
+        let edge = (0..n).flat_map(|k| [(k, 0), (k, n - 1), (0, k), (n - 1, k)]);
+        let (cell_m, corner) = (self.cell_m, self.corner);
+        let centre_of = |(column, row): (usize, usize)| {
+            Point::new(corner.x_m + (column as f64 + 0.5) * cell_m, corner.y_m + (row as f64 + 0.5) * cell_m)
+        };
+        let least = edge.clone().map(|cell| centre_of(cell).to(goal).length_m()).fold(f64::INFINITY, f64::min);
+        for (column, row) in edge {
             // Every way ends at the goal: what all share is left out, and the queue begins at zero.
-            let rest = (self.centre_of(index).to(goal).length_m() - least) as f32;
-            let cost = rest + price.of(clearance.distances()[index]) * self.cell_m as f32;
-            if cost < self.cost[index] {
-                self.cost[index] = cost;
-                self.push(index, cost, 0);
-            }
+            let rest = (centre_of((column, row)).to(goal).length_m() - least) as f32;
+            let index = self.index(column, row);
+            self.offer(index, rest + self.step[index], 0);
         }
     }
 
-    fn push(&mut self, index: usize, cost: f32, tick: usize) {
-        if self.entries == self.what.len() {
+    /// Takes over a cost that is less than the one so far, and puts the cell into the queue.
+    fn offer(&mut self, index: usize, cost: f32, tick: usize) {
+        if cost >= self.tentative[index] || self.entries == self.what.len() {
             return;
         }
+        self.tentative[index] = cost;
         // What lies farther ahead than the queue reaches waits in its last bucket: it comes a little early.
         let bucket = ((cost / BUCKET) as usize).clamp(tick, tick + BUCKETS - 1) % BUCKETS;
         let entry = self.entries;
@@ -163,34 +170,18 @@ impl Guide {
         self.heads[bucket] = entry as u32;
     }
 
-    fn spread(&mut self, index: usize, tick: usize, distances: &[f32], price: &Price) {
-        let n = self.cells;
-        let (column, row) = (index % n, index / n);
-        for (dx, dy) in [(1i32, 0i32), (-1, 0), (0, 1), (0, -1)] {
-            let (x, y) = (column as i32 + dx, row as i32 + dy);
-            if x < 0 || y < 0 || x >= n as i32 || y >= n as i32 {
+    fn spread(&mut self, index: usize, tick: usize) {
+        let width = self.cells + 2;
+        for neighbour in [index + 1, index - 1, index + width, index - width] {
+            let step = self.step[neighbour];
+            // The rim costs infinitely much and stays outside.
+            if self.cost[neighbour] < f32::INFINITY || step == f32::INFINITY {
                 continue;
             }
-            let (x, y) = (x as usize, y as usize);
-            let neighbour = y * n + x;
-            if self.done[neighbour] {
-                continue;
-            }
-            let step = price.of(distances[neighbour]) * self.cell_m as f32;
-            let a = self.least(x.checked_sub(1).map(|x| y * n + x), (x + 1 < n).then_some(y * n + x + 1));
-            let b = self.least(y.checked_sub(1).map(|y| y * n + x), (y + 1 < n).then_some((y + 1) * n + x));
-            let cost = arrival(a, b, step);
-            if cost < self.cost[neighbour] {
-                self.cost[neighbour] = cost;
-                self.push(neighbour, cost, tick);
-            }
+            let a = self.cost[neighbour - 1].min(self.cost[neighbour + 1]);
+            let b = self.cost[neighbour - width].min(self.cost[neighbour + width]);
+            self.offer(neighbour, arrival(a, b, step), tick);
         }
-    }
-
-    /// The smaller cost of two cells that are done.
-    fn least(&self, a: Option<usize>, b: Option<usize>) -> f32 {
-        let of = |index: Option<usize>| index.filter(|&i| self.done[i]).map_or(f32::INFINITY, |i| self.cost[i]);
-        of(a).min(of(b))
     }
 
     /// Cost to go from `point`, between the cells' centres by interpolation.
@@ -200,7 +191,7 @@ impl Guide {
         let (column, row) = ((column - 0.5).clamp(0.0, n - 1.001), (row - 0.5).clamp(0.0, n - 1.001));
         let (x, y) = (column as usize, row as usize);
         let (fx, fy) = (column - x as f64, row - y as f64);
-        let at = |x: usize, y: usize| f64::from(self.cost[y * self.cells + x]);
+        let at = |x: usize, y: usize| f64::from(self.cost[self.index(x, y)]);
         let lower = at(x, y) * (1.0 - fx) + at(x + 1, y) * fx;
         let upper = at(x, y + 1) * (1.0 - fx) + at(x + 1, y + 1) * fx;
         lower * (1.0 - fy) + upper * fy

@@ -82,19 +82,20 @@ pub struct Wish {
 }
 
 /// Cells of the fine raster (footprint) and of the coarse one (way), and their sides [m].
-const FINE_CELLS: usize = 120;
-const FINE_M: f64 = 0.05;
-const COARSE_CELLS: usize = 120;
-const COARSE_M: f64 = 0.1;
+const FINE_CELLS: usize = 96;
+const FINE_M: f64 = 0.06;
+const COARSE_CELLS: usize = 96;
+const COARSE_M: f64 = 0.125;
 /// Cells of the memory.
 const MEMORY_CELLS: usize = 240;
+const MEMORY_M: f64 = 0.05;
 /// Most obstacle points.
 const MOST_POINTS: usize = 8192;
 /// Points of the guide's path, and their spacing [m].
 const PATH_POINTS: usize = 60;
 const PATH_STEP_M: f64 = 0.06;
 /// The guide is worked out so much farther than the robot [m of free way].
-const BEYOND: f32 = 8.0;
+const BEYOND: f32 = 5.0;
 /// Beams count as a mover's when they end within this of its disc [m].
 const MOVERS_OWN_M: f64 = 0.15;
 /// The wanted velocity is the plan's so much later, so that ramps below have something to ramp to [s].
@@ -119,7 +120,7 @@ impl Planner {
     /// A planner that knows nothing yet.
     pub fn new(setup: Setup) -> Planner {
         Planner {
-            memory: Memory::new(MEMORY_CELLS, FINE_M, setup.memory_s),
+            memory: Memory::new(MEMORY_CELLS, MEMORY_M, setup.memory_s),
             points: Vec::with_capacity(MOST_POINTS),
             fine: Clearance::new(FINE_CELLS, FINE_M),
             coarse: Clearance::new(COARSE_CELLS, COARSE_M),
@@ -241,7 +242,7 @@ impl Planner {
         let interval_s = weights.steps as f64 * weights.step_s / INTERVALS as f64;
         self.followers.clear();
         let mut followers = std::mem::take(&mut self.followers);
-        candidates::followers(state, &self.path, &setup.limits, interval_s, &self.guide, &mut followers);
+        candidates::followers(state, &self.path, &setup.limits, interval_s, &mut followers);
         let scene = self.scene(sight);
         let judge = |plan: &Plan| scene.judge(state, setup.delay_s, plan);
         let mut best = self.candidates.fixed()[0];

@@ -14,6 +14,7 @@ mod image;
 mod made;
 mod map;
 mod person;
+mod rays;
 #[cfg(test)]
 mod tests;
 
