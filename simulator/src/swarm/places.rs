@@ -72,11 +72,14 @@ pub(super) fn check(world: &World, radius_m: f64, poses: &[Pose]) -> Result<(), 
 }
 
 fn is_free(world: &World, place: Point, radius_m: f64) -> bool {
-    let mut free = !world.is_solid(place);
-    if free {
-        world.map.near(place, radius_m, |_| free = false);
-    }
-    free
+    is_clear(world, place, radius_m) && !world.is_solid(place)
+}
+
+/// Whether no surface is within `radius_m`.
+fn is_clear(world: &World, place: Point, radius_m: f64) -> bool {
+    let mut clear = true;
+    world.map.near(place, radius_m, |_| clear = false);
+    clear
 }
 
 /// Places of the robots so far, by cells of a robot's width.
@@ -144,7 +147,8 @@ impl Flood {
             }
             let (column, row) = (cell % columns, cell / columns);
             let middle = low + Point::new((column as f64 + 0.5) * cell_m, (row as f64 + 0.5) * cell_m);
-            if !is_free(world, middle, radius_m) {
+            // Solids are closed by walls: what is not inside at the start is never entered.
+            if !is_clear(world, middle, radius_m) {
                 continue;
             }
             flood.reached[cell] = true;

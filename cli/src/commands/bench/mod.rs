@@ -10,6 +10,7 @@ mod reflex;
 mod report;
 mod scratch;
 mod simulate;
+mod simulator;
 mod timing;
 mod witness;
 
@@ -51,11 +52,16 @@ enum What {
     Reflex,
     /// The whole robot on virtual time, on one core
     Simulate,
+    /// Swarms and whole robots on virtual time: speed, memory and growth, beside IR-SIM where it is installed
+    Simulator,
     /// All of them, one after another, as without a word
     All,
     /// The answering process of `channel`
     #[command(hide = true)]
     Partner(channel::partner::Args),
+    /// One row of `simulator`
+    #[command(hide = true)]
+    SimulatorRow(simulator::row::Args),
 }
 
 /// Time that idle nodes are watched [s].
@@ -75,13 +81,16 @@ pub fn run(args: Args, types: &[NodeType]) -> Result<(), Failure> {
     let reflex_s = if matches!(what, What::All) { 2.0 * REFLEX_S } else { REFLEX_S };
     let reflex = || reflex::run(robot, length_s.unwrap_or(reflex_s * part), types);
     let simulate = || simulate::run(robot, part, types);
+    let simulator = || simulator::run(part);
     let benches: Vec<&dyn Fn() -> Result<Report, Failure>> = match &what {
         What::Channel => vec![&channel],
         What::Idle => vec![&idle],
         What::Reflex => vec![&reflex],
         What::Simulate => vec![&simulate],
-        What::All => vec![&channel, &idle, &reflex, &simulate],
+        What::Simulator => vec![&simulator],
+        What::All => vec![&channel, &idle, &reflex, &simulate, &simulator],
         What::Partner(partner) => return channel::partner::run(partner),
+        What::SimulatorRow(row) => return simulator::row::run(row, types),
     };
     let mut out = Out::stdout();
     let mut reports = Vec::new();
