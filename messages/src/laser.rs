@@ -48,6 +48,29 @@ pub struct LaserScan {
     pub upside_down: u32,
 }
 
+/// How a laser scanner and the link to it are.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Message)]
+#[repr(C)]
+pub struct LaserState {
+    /// The link; see [`Link`](crate::Link).
+    #[message(values = "connecting up no_port silent lost foreign")]
+    pub link: u32,
+    /// The device measures: 1.
+    pub laser_on: u32,
+    /// The device's own last word that was not "all well": a byte (LMS), two characters (SCIP); 0 for none.
+    pub status: u32,
+    /// Times the link came up.
+    pub connections: u32,
+    /// Scans received whole.
+    pub scans: u32,
+    /// Messages dropped for a wrong sum, or for saying what they cannot say.
+    pub damaged: u32,
+    /// Bytes skipped while hunting for a message [byte].
+    pub skipped_bytes: u32,
+    /// Times the device's clock went back or jumped.
+    pub clock_jumps: u32,
+}
+
 impl LaserScan {
     /// Direction of beam `index` in the body frame, counter-clockwise, not wrapped [rad].
     pub fn bearing_rad(&self, index: usize) -> f64 {

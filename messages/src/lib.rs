@@ -49,7 +49,7 @@ mod truth;
 
 pub use base::{BaseState, Link};
 pub use image::{Encoding, Image};
-pub use laser::{LaserScan, ScanBeam};
+pub use laser::{LaserScan, LaserState, ScanBeam};
 pub use messages_derive::Message;
 pub use missions::{
     GotoGoal, GotoPath, GotoProgress, GotoResult, GotoState, MoveProgress, MoveRequest, SetPose, VIA_POINTS,

@@ -31,6 +31,7 @@ const LAYOUTS: &[(&str, usize, u64)] = &[
     ("Image", 16, 0x02d8_cfcb_2b36_d86e),
     ("InputCursor", 24, 0x227a_bb76_0826_6ab4),
     ("LaserScan", 48, 0xee1c_5d02_7b56_169b),
+    ("LaserState", 32, 0x10ca_9f58_5fc3_c53f),
     ("ModeState", 16, 0x655c_3a06_501d_129a),
     ("MotionState", 80, 0x57a0_4d41_0698_3892),
     ("MoveProgress", 24, 0x6ba5_19db_660a_eebf),
@@ -138,6 +139,7 @@ fn the_names_in_the_schemas_are_those_of_the_enums() {
         echo as u64
     });
     check::<messages::BaseState, _>("link", link, |link| link as u64);
+    check::<messages::LaserState, _>("link", link, |link| link as u64);
     let encoding = [Encoding::Mono8, Encoding::Rgb8, Encoding::Bgr8, Encoding::Yuyv, Encoding::Jpeg];
     check::<messages::Image, _>("encoding", encoding, |encoding| encoding as u64);
     check::<messages::Axis, _>("wish", [Wish::Abstain, Wish::Exact, Wish::Word], |wish| wish as u64);

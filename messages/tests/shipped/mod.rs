@@ -4,7 +4,7 @@
 macro_rules! every_message {
     ($check:ident) => {
         every_message!($check: Axis BaseState Beam Command Contact CoordinatorState Detour Done FreeSectors GotoGoal GotoPath
-            GotoProgress GotoResult Image InputCursor LaserScan ModeState MotionState MoveProgress
+            GotoProgress GotoResult Image InputCursor LaserScan LaserState ModeState MotionState MoveProgress
             MoveRequest NodeStatistics Odometry Proposal ProtectiveStop Ranges Room ScanBeam Segment
             Segments SetMode SetPose Sound StepInputs Switch Track Tracks Trigger Truth Twist
             WheelVelocities)
