@@ -20,3 +20,13 @@ pub const PIONEER: Embedded = &[
 
 /// How the default robot's file is called in messages.
 pub const PIONEER_FILE: &str = "robots/pioneer/robot.toml (built in)";
+
+/// Files of the service robot, in which the experiments of `sinew experiments` run.
+pub const SERVICE: Embedded = &[
+    ("robot.toml", include_bytes!("../../robots/service/robot.toml")),
+    ("worlds/hallway.toml", include_bytes!("../../robots/service/worlds/hallway.toml")),
+    ("worlds/office.toml", include_bytes!("../../robots/service/worlds/office.toml")),
+    ("worlds/open.toml", include_bytes!("../../robots/service/worlds/open.toml")),
+    ("worlds/person.toml", include_bytes!("../../robots/service/worlds/person.toml")),
+    ("worlds/trap.toml", include_bytes!("../../robots/service/worlds/trap.toml")),
+];

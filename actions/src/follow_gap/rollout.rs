@@ -171,7 +171,8 @@ impl Scene<'_> {
     pub fn gap_m(&self, frame: &Frame) -> f64 {
         let outline = &self.outline;
         // The point nearest to the outline is nearest to one of three places along its middle line, nearly always.
-        let (front, rear) = (outline.ahead_m - outline.half_width_m * 0.5, outline.half_width_m * 0.5 - outline.behind_m);
+        let (front, rear) =
+            (outline.ahead_m - outline.half_width_m * 0.5, outline.half_width_m * 0.5 - outline.behind_m);
         [0.0, front, rear]
             .into_iter()
             .filter_map(|x_m| self.clearance.nearest(frame.outer(x_m, 0.0)))
@@ -260,7 +261,8 @@ mod tests {
 
     #[test]
     fn the_gap_to_a_rectangle_is_exact_at_sides_and_corners() {
-        for (x, y, gap) in [(0.354, 0.0, 0.1), (-0.304, 0.1, 0.05), (0.1, -0.315, 0.1), (0.284, 0.255, 0.05), (0.0, 0.2, -0.015)]
+        for (x, y, gap) in
+            [(0.354, 0.0, 0.1), (-0.304, 0.1, 0.05), (0.1, -0.315, 0.1), (0.284, 0.255, 0.05), (0.0, 0.2, -0.015)]
         {
             assert!((JACKAL.gap_m(Point::new(x, y)) - gap).abs() < 1e-12, "{x} {y}");
         }

@@ -7,11 +7,14 @@ mod check;
 mod doctor;
 mod down;
 mod drive;
+mod experiments;
+mod goto;
 mod graph;
 mod help;
 mod hz;
 mod logs;
 mod ls;
+mod mode;
 pub mod node;
 pub mod run;
 mod schema;
@@ -40,6 +43,10 @@ enum Command {
     Simulate(simulate::Args),
     #[command(after_help = help::DRIVE)]
     Drive(drive::Args),
+    #[command(after_help = help::GOTO)]
+    Goto(goto::Args),
+    #[command(after_help = help::MODE)]
+    Mode(mode::Args),
     #[command(after_help = help::DOWN)]
     Down(down::Args),
     #[command(after_help = help::LS)]
@@ -58,6 +65,8 @@ enum Command {
     Graph(graph::Args),
     #[command(after_help = help::SCHEMA)]
     Schema(schema::Args),
+    #[command(after_help = help::EXPERIMENTS)]
+    Experiments(experiments::Args),
     #[command(after_help = help::BENCH)]
     Bench(bench::Args),
     #[command(after_help = help::DOCTOR)]
@@ -90,6 +99,8 @@ fn dispatch(command: Command, types: &[NodeType]) -> Result<(), Failure> {
         Command::Run(args) => run::run(args, types),
         Command::Simulate(args) => simulate::run(args, types),
         Command::Drive(args) => drive::run(args, types),
+        Command::Goto(args) => goto::run(args),
+        Command::Mode(args) => mode::run(args, types),
         Command::Down(args) => down::run(args),
         Command::Ls(args) => ls::run(args),
         Command::Cat(args) => cat::run(args),
@@ -99,6 +110,7 @@ fn dispatch(command: Command, types: &[NodeType]) -> Result<(), Failure> {
         Command::Check(args) => check::run(args, types),
         Command::Graph(args) => graph::run(args, types),
         Command::Schema(args) => schema::run(args, types),
+        Command::Experiments(args) => experiments::run(args),
         Command::Bench(args) => bench::run(args, types),
         Command::Doctor(args) => doctor::run(args),
         Command::Node(args) => node::run(args, types),

@@ -12,6 +12,7 @@ mod scratch;
 mod simulate;
 mod simulator;
 mod timing;
+mod tracking;
 mod witness;
 
 use crate::exit::{Failure, USAGE};
@@ -37,6 +38,9 @@ pub struct Args {
     /// Replaces the figures of these benches in this document
     #[arg(long, global = true, value_name = "FILE")]
     markdown: Option<PathBuf>,
+    /// Folder of the data that perception and tracking want, with leg-tracker/, csail/, dynabarn/ in it
+    #[arg(long, global = true, value_name = "DIR")]
+    data: Option<PathBuf>,
     /// How long idle and reflex measure, as in 20s
     #[arg(long = "for", global = true, value_name = "TIME")]
     length: Option<String>,
@@ -54,6 +58,8 @@ enum What {
     Simulate,
     /// Swarms and whole robots on virtual time: speed, memory and growth, beside IR-SIM where it is installed
     Simulator,
+    /// How well moving cylinders and people's legs are tracked, by each way of tracking
+    Tracking,
     /// All of them, one after another, as without a word
     All,
     /// The answering process of `channel`
@@ -82,12 +88,14 @@ pub fn run(args: Args, types: &[NodeType]) -> Result<(), Failure> {
     let reflex = || reflex::run(robot, length_s.unwrap_or(reflex_s * part), types);
     let simulate = || simulate::run(robot, part, types);
     let simulator = || simulator::run(part);
+    let tracking = || tracking::run(args.data.as_deref(), part);
     let benches: Vec<&dyn Fn() -> Result<Report, Failure>> = match &what {
         What::Channel => vec![&channel],
         What::Idle => vec![&idle],
         What::Reflex => vec![&reflex],
         What::Simulate => vec![&simulate],
         What::Simulator => vec![&simulator],
+        What::Tracking => vec![&tracking],
         What::All => vec![&channel, &idle, &reflex, &simulate, &simulator],
         What::Partner(partner) => return channel::partner::run(partner),
         What::SimulatorRow(row) => return simulator::row::run(row, types),
