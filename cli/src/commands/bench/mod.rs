@@ -12,6 +12,7 @@ mod reflex;
 mod report;
 mod scratch;
 mod simulate;
+mod simulator;
 mod timing;
 mod tracking;
 mod witness;
@@ -59,6 +60,8 @@ enum What {
     Simulate,
     /// From a scan to segments, circles and tracks
     Perception,
+    /// Swarms and whole robots on virtual time: speed, memory and growth, beside IR-SIM where it is installed
+    Simulator,
     /// How well moving cylinders and people's legs are tracked, by each way of tracking
     Tracking,
     /// What recording a live robot with 5 MB/s costs, and whether its control becomes later by it
@@ -68,6 +71,9 @@ enum What {
     /// The answering process of `channel`
     #[command(hide = true)]
     Partner(channel::partner::Args),
+    /// One row of `simulator`
+    #[command(hide = true)]
+    SimulatorRow(simulator::row::Args),
 }
 
 /// Time that idle nodes are watched [s].
@@ -90,6 +96,7 @@ pub fn run(args: Args, types: &[NodeType]) -> Result<(), Failure> {
     let reflex = || reflex::run(robot, length_s.unwrap_or(reflex_s * part), types);
     let simulate = || simulate::run(robot, part, types);
     let perception = || perception::run(args.data.as_deref(), part);
+    let simulator = || simulator::run(part);
     let tracking = || tracking::run(args.data.as_deref(), part);
     let record = || record::run(robot, length_s.unwrap_or(RECORD_S * part.max(0.2)), types);
     let benches: Vec<&dyn Fn() -> Result<Report, Failure>> = match &what {
@@ -98,10 +105,12 @@ pub fn run(args: Args, types: &[NodeType]) -> Result<(), Failure> {
         What::Reflex => vec![&reflex],
         What::Simulate => vec![&simulate],
         What::Perception => vec![&perception],
+        What::Simulator => vec![&simulator],
         What::Tracking => vec![&tracking],
         What::Record => vec![&record],
-        What::All => vec![&channel, &idle, &reflex, &simulate, &record],
+        What::All => vec![&channel, &idle, &reflex, &simulate, &simulator, &record],
         What::Partner(partner) => return channel::partner::run(partner),
+        What::SimulatorRow(row) => return simulator::row::run(row, types),
     };
     let mut out = Out::stdout();
     let mut reports = Vec::new();
