@@ -3,6 +3,7 @@
 mod body;
 mod contact;
 pub mod geometry;
+mod laser;
 pub mod mcu;
 mod node;
 mod noise;
@@ -15,8 +16,9 @@ pub mod svg;
 pub mod world;
 
 pub use contact::{BROKEN_FOR_S, BROKEN_GAP_M};
-pub use node::{BodyConfig, World, WorldConfig};
-pub use realism::{LineFaults, Realism, SonarRealism, WheelRealism};
+pub use laser::LaserSetup;
+pub use node::{BodyConfig, LaserConfig, World, WorldConfig};
+pub use realism::{LaserRealism, LineFaults, Realism, SonarRealism, WheelRealism};
 pub use scene::Thing;
 pub use simulation::{BodySetup, Chassis, STEP_NS, STEP_S, Setup, SetupError, Simulation};
 pub use statistics::Statistics;

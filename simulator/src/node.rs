@@ -4,6 +4,7 @@
 //! simulator can know them. Reads no path: what it knows of the robot it learns from the bytes that the driver sends.
 
 use crate::geometry::Pose;
+use crate::laser::LaserSetup;
 use crate::realism::Realism;
 use crate::simulation::{BodySetup, Chassis, Setup, Simulation};
 use crate::world::World as Map;
@@ -52,6 +53,47 @@ pub struct BodyConfig {
     /// Outline, wheels and controller where they are not the model's.
     #[serde(default)]
     pub chassis: Chassis,
+    /// Its laser scanners.
+    #[serde(default)]
+    pub lasers: Vec<LaserConfig>,
+}
+
+/// One laser scanner on a body. Each beam is cast exactly, at its own time; see the realism of `laser`.
+#[derive(Debug, Clone, PartialEq, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct LaserConfig {
+    /// Driver instance whose simulated twin it is.
+    pub name: String,
+    /// Model: urg-04lx, utm-30lx, ust-10lx, or sinew-720 (720 beams over 270° at 50 Hz, no product: a stand-in that
+    /// speaks SCIP 2.0).
+    pub model: String,
+    /// Ahead of the body's origin [m].
+    #[serde(default)]
+    pub x_m: f64,
+    /// To the left of the body's origin [m].
+    #[serde(default)]
+    pub y_m: f64,
+    /// Where it looks, counter-clockwise from ahead [deg].
+    #[serde(default)]
+    pub heading_deg: f64,
+    /// Mounted with its top down.
+    #[serde(default)]
+    pub upside_down: bool,
+    /// Where it answers instead: tcp:127.0.0.1:10940, pty:/path; without it where the driver's "simulator" leads.
+    #[serde(default)]
+    pub serve: Option<String>,
+}
+
+impl LaserConfig {
+    fn setup(&self) -> LaserSetup {
+        LaserSetup {
+            model: self.model.clone(),
+            x_m: self.x_m,
+            y_m: self.y_m,
+            heading_rad: self.heading_deg.to_radians(),
+            upside_down: self.upside_down,
+        }
+    }
 }
 
 fn default_model() -> String {
@@ -76,6 +118,7 @@ impl BodyConfig {
             watchdog_ms: default_watchdog_ms(),
             bumpers: default_bumpers(),
             chassis: Chassis::default(),
+            lasers: Vec::new(),
         }
     }
 }
@@ -89,6 +132,15 @@ const CHUNK: usize = 1024;
 pub struct World {
     simulation: Simulation,
     bodies: Vec<Served>,
+    scanners: Vec<Scanner>,
+}
+
+/// A scanner's device.
+struct Scanner {
+    device: Device,
+    over_tcp: bool,
+    generation: u64,
+    baud: Option<u32>,
 }
 
 /// A body's device and what is published of it.
@@ -114,7 +166,7 @@ impl Node for World {
             true => vec![BodyConfig::twin_of("base")],
             false => config.bodies,
         };
-        let mut served = Vec::new();
+        let (mut served, mut scanners) = (Vec::new(), Vec::new());
         let mut setup = Setup { bodies: Vec::new(), seed: ports.seed(), realism: config.realism };
         for (index, body) in bodies.iter().enumerate() {
             // Ports are named once per run: the few bytes live as long as the process.
@@ -128,6 +180,11 @@ impl Node for World {
                 truth: ports.writer_with_tail(port, CONTACTS)?,
                 contacts: Vec::with_capacity(CONTACTS),
             });
+            for scanner in &body.lasers {
+                let device = ports.serve_device(&scanner.name, scanner.serve.as_deref())?;
+                let over_tcp = matches!(device.address(), Address::Tcp { .. });
+                scanners.push(Scanner { device, over_tcp, generation: 0, baud: None });
+            }
             setup.bodies.push(BodySetup {
                 model: body.model.clone(),
                 name: body.name.clone(),
@@ -135,10 +192,11 @@ impl Node for World {
                 watchdog_ms: body.watchdog_ms,
                 bumpers: body.bumpers,
                 chassis: body.chassis,
+                lasers: body.lasers.iter().map(LaserConfig::setup).collect(),
             });
         }
         let simulation = Simulation::new(map, &setup).map_err(|e| OpenError::config(e.to_string()))?;
-        Ok(World { simulation, bodies: served })
+        Ok(World { simulation, bodies: served, scanners })
     }
 
     fn start(&mut self, now: Time) -> Result<(), Fault> {
@@ -157,6 +215,9 @@ impl Node for World {
                 }
                 self.simulation.receive(index, &bytes[..count]);
             }
+        }
+        for (index, scanner) in self.scanners.iter_mut().enumerate() {
+            scanner.hear(&mut self.simulation, index, now, &mut bytes);
         }
         let before = self.simulation.now();
         self.simulation.advance(now);
@@ -189,7 +250,41 @@ impl Node for World {
                 body.truth.write_with_tail(self.simulation.now(), &truth, &body.contacts);
             }
         }
+        for (index, scanner) in self.scanners.iter_mut().enumerate() {
+            scanner.say(&mut self.simulation, index);
+        }
         Ok(())
+    }
+}
+
+impl Scanner {
+    /// Takes what the client sends.
+    fn hear(&mut self, simulation: &mut Simulation, index: usize, now: Time, bytes: &mut [u8]) {
+        if let DeviceLink::Open { generation } = self.device.link()
+            && std::mem::replace(&mut self.generation, generation) != generation
+            && self.over_tcp
+        {
+            simulation.laser_restart(index);
+        }
+        loop {
+            let count = self.device.receive(bytes);
+            if count == 0 {
+                return;
+            }
+            simulation.laser_receive(index, now, &bytes[..count]);
+        }
+    }
+
+    /// Sends what the scanner says: all that is new at once, or nothing where the line is full or nobody is there.
+    fn say(&mut self, simulation: &mut Simulation, index: usize) {
+        simulation.laser_send(index, |bytes| {
+            let _ = self.device.send(bytes);
+        });
+        let baud = simulation.laser_baud(index);
+        if baud != self.baud {
+            self.baud = baud;
+            self.device.set_baud(baud.unwrap_or(DEFAULT_BAUD));
+        }
     }
 }
 

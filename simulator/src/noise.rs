@@ -12,6 +12,7 @@ pub(crate) enum Purpose {
     Wheels = 3,
     Sonar = 4,
     Line = 5,
+    Laser = 6,
 }
 
 /// A seeded generator.

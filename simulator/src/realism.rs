@@ -1,4 +1,4 @@
-//! How imperfect wheels and sonar are: numbers and switches, each deterministic from the seed.
+//! How imperfect wheels, sonar and lasers are: numbers and switches, each deterministic from the seed.
 
 use schemars::JsonSchema;
 use serde::Deserialize;
@@ -11,6 +11,8 @@ pub struct Realism {
     pub wheels: WheelRealism,
     /// Sonar.
     pub sonar: SonarRealism,
+    /// Laser scanners.
+    pub laser: LaserRealism,
     /// Faults of the line to the client.
     pub line: LineFaults,
 }
@@ -51,6 +53,22 @@ pub struct SonarRealism {
     pub crosstalk: f64,
 }
 
+/// What keeps a scan from the distances along its beams at one instant.
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct LaserRealism {
+    /// Whether each beam is taken at its own time while body and people move; otherwise all at the scan's end.
+    pub mirror: bool,
+    /// Standard deviation of a reading in parts of the model's own.
+    pub noise: f64,
+    /// Probability that a beam at an edge reads something between near and far (a mixed pixel).
+    pub mixed: f64,
+    /// Edges that are deeper than this give two echoes and no mixed pixel [m].
+    pub mixed_within_m: f64,
+    /// Probability that a beam gets no echo.
+    pub dropped: f64,
+}
+
 /// Faults of the bytes between controller and client, either way.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
@@ -89,6 +107,12 @@ impl Default for SonarRealism {
     }
 }
 
+impl Default for LaserRealism {
+    fn default() -> LaserRealism {
+        LaserRealism { mirror: true, noise: 1.0, mixed: 0.1, mixed_within_m: 1.0, dropped: 0.0005 }
+    }
+}
+
 impl Realism {
     /// Perfect wheels, ears and lines. The cone keeps its width.
     pub fn none() -> Realism {
@@ -109,13 +133,14 @@ impl Realism {
                 crosstalk: 0.0,
                 ..SonarRealism::default()
             },
+            laser: LaserRealism { mirror: false, noise: 0.0, mixed: 0.0, mixed_within_m: 0.0, dropped: 0.0 },
             line: LineFaults::default(),
         }
     }
 
     /// What is out of bounds, if anything is.
     pub fn fault(&self) -> Option<String> {
-        let Realism { wheels, sonar, line } = self;
+        let Realism { wheels, sonar, laser, line } = self;
         let not_negative = [
             ("wheels.distance_error", wheels.distance_error),
             ("wheels.turn_error", wheels.turn_error),
@@ -124,10 +149,14 @@ impl Realism {
             ("wheels.encoder_ticks", wheels.encoder_ticks),
             ("sonar.noise_m", sonar.noise_m),
             ("sonar.noise_share", sonar.noise_share),
+            ("laser.noise", laser.noise),
+            ("laser.mixed_within_m", laser.mixed_within_m),
         ];
         let shares = [
             ("sonar.lost", sonar.lost),
             ("sonar.crosstalk", sonar.crosstalk),
+            ("laser.mixed", laser.mixed),
+            ("laser.dropped", laser.dropped),
             ("line.lose_byte", line.lose_byte),
             ("line.corrupt_byte", line.corrupt_byte),
         ];

@@ -15,7 +15,7 @@ use crate::pump::Waker;
 /// Bytes that may wait for the step.
 const INCOMING_BYTES: usize = 16 * 1024;
 /// Bytes that may wait for the device.
-const OUTGOING_BYTES: usize = 4 * 1024;
+const OUTGOING_BYTES: usize = 16 * 1024;
 
 /// Which end of the line this process is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -16,11 +16,13 @@ pub use setup::{BodySetup, Setup, SetupError};
 
 use crate::contact::Meeting;
 use crate::geometry::{Circle, Footprint, Placed, Point, Pose};
+use crate::laser::{Laser, Movers};
 use crate::mcu::Mcu;
 use crate::scene::{Scene, Thing};
 use crate::statistics::Statistics;
 use crate::world::{Walk, World};
 use actor::{Actor, SKIN_M};
+use line::Line;
 use messages::{Contact, Truth, Twist};
 use runtime::Time;
 
@@ -41,6 +43,8 @@ pub struct Simulation {
     disc_velocities: Vec<Point>,
     actors: Vec<Actor>,
     placed: Vec<Placed>,
+    lasers: Vec<(Laser, Line)>,
+    movers: Movers,
     now: Time,
     hash: u64,
 }
@@ -49,6 +53,7 @@ impl Simulation {
     /// The clock at which the simulation begins; time advances from there. Zero unless this is called.
     pub fn begin(&mut self, now: Time) {
         self.now = now;
+        self.lasers.iter_mut().for_each(|(laser, _)| laser.begin(now));
     }
 
     /// Simulated time: the end of the last whole step.
@@ -65,6 +70,10 @@ impl Simulation {
 
     /// Advances by one step.
     pub fn step(&mut self) {
+        let begin = self.now;
+        if !self.lasers.is_empty() {
+            self.movers.begin(self.actors.iter().map(|actor| actor.body.pose), &self.discs);
+        }
         for person in 0..self.walks.len() {
             self.walk(person);
         }
@@ -74,6 +83,52 @@ impl Simulation {
         self.now = self.now.after_ns(STEP_NS);
         for body in 0..self.actors.len() {
             self.sense(body);
+        }
+        if !self.lasers.is_empty() {
+            self.movers.end(self.actors.iter().map(|actor| actor.body.pose), &self.placed, &self.discs);
+        }
+        for (laser, _) in &mut self.lasers {
+            let to = self.actors[laser.body].body.pose;
+            laser.advance(&self.movers.seen_by(&self.world.map, laser.body, to, begin, self.now));
+        }
+    }
+
+    /// Number of laser scanners, in the order of their bodies and then of their places on each.
+    pub fn lasers(&self) -> usize {
+        self.lasers.len()
+    }
+
+    /// Takes bytes that a client sends to a scanner at `now`, which may lie within a step.
+    pub fn laser_receive(&mut self, scanner: usize, now: Time, bytes: &[u8]) {
+        let Some((laser, line)) = self.lasers.get_mut(scanner) else { return };
+        let mut passed = [0; 256];
+        for chunk in bytes.chunks(passed.len()) {
+            passed[..chunk.len()].copy_from_slice(chunk);
+            let count = line.pass(&mut passed[..chunk.len()]);
+            laser.receive(now, &passed[..count]);
+        }
+    }
+
+    /// Hands what a scanner has to say to `send`, and forgets it.
+    pub fn laser_send(&mut self, scanner: usize, send: impl FnOnce(&[u8])) {
+        let Some((laser, line)) = self.lasers.get_mut(scanner) else { return };
+        let outbox = laser.outbox();
+        if !outbox.is_empty() {
+            let count = line.pass(outbox);
+            send(&outbox[..count]);
+            outbox.clear();
+        }
+    }
+
+    /// The rate that a scanner's line is to have, where a command has set one [baud].
+    pub fn laser_baud(&self, scanner: usize) -> Option<u32> {
+        self.lasers.get(scanner).and_then(|(laser, _)| laser.requested_baud())
+    }
+
+    /// Another client: what the one before has set is forgotten.
+    pub fn laser_restart(&mut self, scanner: usize) {
+        if let Some((laser, _)) = self.lasers.get_mut(scanner) {
+            laser.restart();
         }
     }
 

@@ -6,6 +6,7 @@ use super::chassis::{Built, Chassis};
 use super::line::Line;
 use crate::body::{Body, Frame};
 use crate::geometry::{Circle, Footprint, Placed, Point, Pose};
+use crate::laser::{Laser, LaserSetup, Movers};
 use crate::mcu::{Firmware, Flash, Mcu};
 use crate::noise::{Chance, Purpose};
 use crate::realism::Realism;
@@ -31,6 +32,8 @@ pub struct BodySetup {
     pub bumpers: bool,
     /// Outline, wheels and controller where they are not the model's.
     pub chassis: Chassis,
+    /// Its laser scanners.
+    pub lasers: Vec<LaserSetup>,
 }
 
 impl Default for BodySetup {
@@ -42,6 +45,7 @@ impl Default for BodySetup {
             watchdog_ms: 2000,
             bumpers: true,
             chassis: Chassis::default(),
+            lasers: Vec::new(),
         }
     }
 }
@@ -69,6 +73,16 @@ pub enum SetupError {
     /// No table holds this model.
     #[error("body {body}: unknown model \"{model}\"; known are {known}")]
     UnknownModel {
+        /// Index of the body.
+        body: usize,
+        /// As it was named.
+        model: String,
+        /// Names of all models.
+        known: String,
+    },
+    /// No table holds this scanner.
+    #[error("body {body}: unknown laser \"{model}\"; known are {known}")]
+    UnknownLaser {
         /// Index of the body.
         body: usize,
         /// As it was named.
@@ -119,6 +133,8 @@ const BUMPERS: u8 = 5;
 const START_ROOM_M: f64 = 0.05;
 /// Nobody's walk begins nearer to a robot, where its phase is drawn [m].
 const PERSON_ROOM_M: f64 = 1.0;
+/// Lines of scanners are numbered from here on, so that they have their own faults.
+const LASER_LINES: usize = 1 << 16;
 /// Draws of a start before the middle of its spread is taken.
 const START_DRAWS: usize = 100;
 
@@ -135,6 +151,8 @@ impl Simulation {
             disc_velocities: Vec::new(),
             actors: Vec::new(),
             placed: Vec::new(),
+            lasers: Vec::new(),
+            movers: Movers::default(),
             now: Time::ZERO,
             hash: 0xCBF2_9CE4_8422_2325,
             world,
@@ -153,11 +171,24 @@ impl Simulation {
             actor.place(pose);
             simulation.placed.push(actor.placed);
             simulation.actors.push(actor);
+            simulation.add_lasers(setup, index, body)?;
         }
         for index in 0..simulation.world.persons.len() {
             simulation.add_person(index, seed)?;
         }
         Ok(simulation)
+    }
+
+    fn add_lasers(&mut self, setup: &Setup, body: usize, of: &BodySetup) -> Result<(), SetupError> {
+        for scanner in &of.lasers {
+            let index = self.lasers.len();
+            let Some(laser) = Laser::new(scanner, body, setup.realism.laser, setup.seed, index) else {
+                let model = scanner.model.clone();
+                return Err(SetupError::UnknownLaser { body, model, known: Laser::models() });
+            };
+            self.lasers.push((laser, Line::new(setup.realism.line, setup.seed, LASER_LINES + index)));
+        }
+        Ok(())
     }
 
     /// Puts a person on the path; where the phase is drawn, not where a robot starts.

@@ -2,8 +2,8 @@
 
 use crate::Time;
 
-/// Bytes that may be under way: 4 s at 9600 baud.
-const CAPACITY: usize = 4096;
+/// Bytes that may be under way: 17 s at 9600 baud, five scans of a laser.
+const CAPACITY: usize = 16 * 1024;
 /// Marks the last byte of one `send` in its time of arrival.
 const LAST: u64 = 1 << 63;
 
