@@ -8,7 +8,7 @@
 
 use crate::track::{Growth, Track};
 use messages::{Done, Odometry as Pose, SetPose};
-use runtime::{CallPort, Fault, Layer, Node, OpenError, Ports, Reader, Time, Writer};
+use runtime::{CallPort, Fault, Layer, Node, OpenError, Ports, Reader, Time, Writer, math};
 use schemars::JsonSchema;
 use serde::Deserialize;
 
@@ -40,6 +40,8 @@ pub struct Odometry {
     pose: Writer<Pose>,
     set_pose: CallPort<SetPose, Done>,
     track: Track,
+    /// What was published last.
+    last: Option<Pose>,
     config: OdometryConfig,
 }
 
@@ -71,6 +73,7 @@ impl Node for Odometry {
             pose: ports.writer("pose")?,
             set_pose: ports.call("set_pose")?,
             track: Track::beginning_at(x_m, y_m, heading_deg.to_radians()),
+            last: None,
             config,
         })
     }
@@ -78,7 +81,19 @@ impl Node for Odometry {
     fn step(&mut self, now: Time) -> Result<(), Fault> {
         while let Some(request) = self.set_pose.take() {
             let SetPose { x_m, y_m, heading_rad } = request.message;
-            if self.track.move_to(x_m, y_m, heading_rad) {
+            if let Some(origin) = self.track.move_to(x_m, y_m, heading_rad) {
+                // Whoever asks next must not be told the old place.
+                if let Some(last) = &mut self.last {
+                    *last = Pose {
+                        x_m,
+                        y_m,
+                        heading_rad: math::wrap_angle(heading_rad),
+                        pose_covariance: [0.0; 9],
+                        origin,
+                        ..*last
+                    };
+                    self.pose.write(now, last);
+                }
                 self.set_pose.answer(request, &Done { at_ns: now.nanos() });
             } else {
                 self.set_pose.refuse(request, "the pose is no number: give x_m, y_m and heading_rad");
@@ -89,6 +104,7 @@ impl Node for Odometry {
             let (stamp, generation) = (sample.stamp, sample.generation);
             if let Some(pose) = self.track.advance(sample.message, generation, &self.config.growth) {
                 self.pose.write(stamp, &pose);
+                self.last = Some(pose);
             }
         }
         Ok(())

@@ -65,15 +65,15 @@ impl Track {
     }
 
     /// Moves the frame so that the body's pose in it is this one [m, rad], and forgets how uncertain the old one was.
-    /// False, and nothing changes, when a number is none.
-    pub fn move_to(&mut self, x_m: f64, y_m: f64, heading_rad: f64) -> bool {
+    /// The new count of origins; `None`, and nothing changes, when a number is none.
+    pub fn move_to(&mut self, x_m: f64, y_m: f64, heading_rad: f64) -> Option<u64> {
         if !(x_m.is_finite() && y_m.is_finite() && heading_rad.is_finite()) {
-            return false;
+            return None;
         }
         self.pose = Pose { x_m, y_m, heading_rad: math::wrap_angle(heading_rad) };
         self.covariance = [[0.0; 3]; 3];
         self.origin += 1;
-        true
+        Some(self.origin)
     }
 
     /// Takes in one sample of writer generation `generation`; `None` when it holds a number that is none.

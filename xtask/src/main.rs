@@ -18,6 +18,7 @@ const STEPS: &[Step] = &[
     step("format", &["cargo", "fmt", "--all", "--check"]),
     step("lint", &["cargo", "clippy", "--workspace", "--all-targets", "--release", "--quiet", "--", "-D", "warnings"]),
     step("build", &["cargo", "build", "--workspace", "--release", "--quiet"]),
+    step("peers", &["recorder/tests/peers/run"]),
     step("test", &["cargo", "test", "--workspace", "--release", "--quiet"]),
     Step {
         name: "loom",
