@@ -1,7 +1,7 @@
 //! Any ranger as `Ranges` in the body frame, without the beams that see the body itself.
 //!
-//! Reads `scan` (a laser's own message, whose mount it carries) or `ranges` (of any ranger, in the body frame already),
-//! whichever is wired; writes `ranges`. Beam k of a scan starts at the sensor's place and has the bearing
+//! Reads `scan` (a laser's own message, whose mount it carries) or `ranger` (the ranges of any
+//! other, in the body frame already), whichever is wired; writes `ranges`. Beam k of a scan starts at the sensor's place and has the bearing
 //! ψ ± (φ₀ + k·Δφ), minus where the sensor hangs upside down. Its age counts from the newest beam, whose time is the
 //! sample's stamp: stamp = scan's + (n − 1)·Δt.
 //!
@@ -66,7 +66,7 @@ impl RangesConfig {
 /// The node.
 pub struct BodyRanges {
     scan: Reader<LaserScan>,
-    ranges: Reader<Ranges>,
+    ranger: Reader<Ranges>,
     out: Writer<Ranges>,
     beams: Vec<Beam>,
     filter: Filter,
@@ -83,7 +83,7 @@ impl Node for BodyRanges {
         Ok(BodyRanges {
             filter: Filter::new(ports.body(), &config),
             scan: ports.optional_reader("scan")?,
-            ranges: ports.optional_reader("ranges")?,
+            ranger: ports.optional_reader("ranger")?,
             out: ports.writer_with_tail("ranges", config.most_beams)?,
             beams: Vec::with_capacity(config.most_beams),
             most_beams: config.most_beams,
@@ -99,7 +99,7 @@ impl Node for BodyRanges {
             self.filter.apply(&mut self.beams);
             self.out.write_with_tail(stamp, &head, &self.beams);
         }
-        while let Some(sample) = self.ranges.next_unread() {
+        while let Some(sample) = self.ranger.next_unread() {
             self.beams.clear();
             self.beams.extend(sample.tail.iter().take(self.most_beams));
             let (stamp, head) = (sample.stamp, *sample.message);

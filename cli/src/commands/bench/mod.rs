@@ -4,6 +4,7 @@ mod channel;
 mod idle;
 mod machine;
 mod markdown;
+mod perception;
 mod placement;
 mod process;
 mod record;
@@ -56,6 +57,8 @@ enum What {
     Reflex,
     /// The whole robot on virtual time, on one core
     Simulate,
+    /// From a scan to segments, circles and tracks
+    Perception,
     /// How well moving cylinders and people's legs are tracked, by each way of tracking
     Tracking,
     /// What recording a live robot with 5 MB/s costs, and whether its control becomes later by it
@@ -86,6 +89,7 @@ pub fn run(args: Args, types: &[NodeType]) -> Result<(), Failure> {
     let reflex_s = if matches!(what, What::All) { 2.0 * REFLEX_S } else { REFLEX_S };
     let reflex = || reflex::run(robot, length_s.unwrap_or(reflex_s * part), types);
     let simulate = || simulate::run(robot, part, types);
+    let perception = || perception::run(args.data.as_deref(), part);
     let tracking = || tracking::run(args.data.as_deref(), part);
     let record = || record::run(robot, length_s.unwrap_or(RECORD_S * part.max(0.2)), types);
     let benches: Vec<&dyn Fn() -> Result<Report, Failure>> = match &what {
@@ -93,6 +97,7 @@ pub fn run(args: Args, types: &[NodeType]) -> Result<(), Failure> {
         What::Idle => vec![&idle],
         What::Reflex => vec![&reflex],
         What::Simulate => vec![&simulate],
+        What::Perception => vec![&perception],
         What::Tracking => vec![&tracking],
         What::Record => vec![&record],
         What::All => vec![&channel, &idle, &reflex, &simulate, &record],

@@ -5,10 +5,10 @@
 //! unlabelled, so there is no precision to be had from them.
 
 mod baseline;
-mod legs;
+pub mod legs;
 mod runs;
 mod score;
-mod yard;
+pub mod yard;
 
 use super::machine::Before;
 use super::report::{Report, Target, Value};
