@@ -154,6 +154,7 @@ fn a_cylinder_that_crosses_is_waited_for_only_when_it_is_tracked() {
             odom_y_m: -1.2,
             odom_velocity_y_m_s: 1.0,
             radius_m: 0.5,
+            age_s: 2.0,
             ..Track::default()
         };
         let velocity = Twist { linear_x_m_s: 1.5, ..Twist::default() };

@@ -15,6 +15,7 @@ pub mod config;
 pub mod guide;
 pub mod memory;
 mod mission;
+pub mod movers;
 pub mod planner;
 pub mod pose;
 pub mod rollout;
@@ -30,6 +31,10 @@ use runtime::{CallPort, Fault, Layer, Node, OpenError, OrderPort, Ports, Reader,
 
 /// Most movers that are planned for; the nearest count.
 const MOVERS: usize = 32;
+/// What is slower counts as standing [m/s].
+const MOVES_M_S: f64 = 0.2;
+/// What was seen first less than this ago may not move as it seems to [s].
+const KNOWN_S: f64 = 0.4;
 /// Progress is told this often [s].
 const REPORT_EVERY_S: f64 = 0.2;
 /// A pose is carried on by its velocity for no longer than this [s].
@@ -256,8 +261,11 @@ impl FollowGap {
             let place = Point::new(track.odom_x_m, track.odom_y_m);
             let velocity = Point::new(track.odom_velocity_x_m_s, track.odom_velocity_y_m_s);
             let finite = place.squared().is_finite() && velocity.squared().is_finite() && track.radius_m.is_finite();
-            if finite && self.movers.len() < self.movers.capacity() {
-                self.movers.push(Mover { place: place.plus(velocity, age_s), velocity, radius_m: track.radius_m });
+            let counts = velocity.length_m() > MOVES_M_S && track.age_s > KNOWN_S;
+            if finite && counts && self.movers.len() < self.movers.capacity() {
+                let (id, seen) = (track.id, track.unseen_s <= 0.0);
+                let place = place.plus(velocity, age_s);
+                self.movers.push(Mover { id, seen, place, velocity, radius_m: track.radius_m });
             }
         }
     }

@@ -11,6 +11,7 @@ use super::candidates::{self, Candidates};
 use super::clearance::Clearance;
 use super::guide::{Guide, Price};
 use super::memory::Memory;
+use super::movers::Movers;
 use super::pose::{Point, Pose};
 use super::rollout::{COLLISION, INTERVALS, Limits, Mover, Outcome, Outline, Plan, Scene, State, Weights};
 use messages::{Beam, Echo};
@@ -56,7 +57,7 @@ pub struct Sight<'a> {
     pub scan_pose: Pose,
     /// The scan; empty when there is no new one.
     pub beams: &'a [Beam],
-    /// What moves, as of now.
+    /// What is said to move, as of now; believed only where the memory agrees.
     pub movers: &'a [Mover],
     /// Where to go.
     pub goal: Point,
@@ -96,8 +97,6 @@ const PATH_POINTS: usize = 60;
 const PATH_STEP_M: f64 = 0.06;
 /// The guide is worked out so much farther than the robot [m of free way].
 const BEYOND: f32 = 5.0;
-/// Beams count as a mover's when they end within this of its disc [m].
-const MOVERS_OWN_M: f64 = 0.15;
 /// The wanted velocity is the plan's so much later, so that ramps below have something to ramp to [s].
 const LEAD_S: f64 = 0.1;
 
@@ -150,6 +149,7 @@ pub struct Planner {
     followers: Vec<Plan>,
     path: Vec<Point>,
     plan: Option<Plan>,
+    movers: Movers,
     patience: Patience,
 }
 
@@ -166,6 +166,7 @@ impl Planner {
             followers: Vec::with_capacity(32),
             path: Vec::with_capacity(PATH_POINTS),
             plan: None,
+            movers: Movers::default(),
             patience: Patience::default(),
             setup,
         }
@@ -176,6 +177,7 @@ impl Planner {
         self.memory.clear();
         self.points.clear();
         self.plan = None;
+        self.movers = Movers::default();
         self.patience = Patience::default();
     }
 
@@ -244,26 +246,27 @@ impl Planner {
                 }
             }
         }
+        self.movers.begin(if remembers { sight.movers } else { &[] });
         for beam in sight.beams {
             let near = f64::from(beam.range_m) < setup.horizon_m;
             if beam.echo != Echo::Value as u32 || !near {
                 continue;
             }
             let end = end_of(beam, f64::from(beam.range_m));
-            if moves(end, sight.movers) {
-                continue;
-            }
             if remembers {
                 self.memory.hit(end, now_ms);
+                self.movers.look_at(end, self.memory.age_ms(end, now_ms));
             } else if self.points.len() < self.points.capacity() {
                 self.points.push(end);
             }
         }
         if remembers {
+            self.movers.decide();
             let outline = &setup.outline;
             let shape = (outline.ahead_m, outline.behind_m, outline.half_width_m);
             self.memory.collect(now_ms, &sight.pose.frame(), shape, &mut self.points);
-            self.points.retain(|point| !moves(*point, sight.movers));
+            let movers = &self.movers;
+            self.points.retain(|point| !movers.hold(*point));
         }
     }
 
@@ -271,7 +274,7 @@ impl Planner {
         Scene {
             clearance: &self.fine,
             guide: &self.guide,
-            movers: sight.movers,
+            movers: self.movers.believed(),
             outline: self.setup.outline,
             limits: self.setup.limits,
             weights: self.setup.weights,
@@ -354,9 +357,4 @@ impl Planner {
         }
         wanted
     }
-}
-
-/// Whether a point is part of something that moves.
-fn moves(point: Point, movers: &[Mover]) -> bool {
-    movers.iter().any(|mover| point.to(mover.place).length_m() < mover.radius_m + MOVERS_OWN_M)
 }

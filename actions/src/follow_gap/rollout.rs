@@ -48,6 +48,10 @@ impl Outline {
 /// Something that moves, as a disc with a constant velocity in the odometry frame.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Mover {
+    /// Tells it from others, from step to step.
+    pub id: u64,
+    /// Whether the newest scan shows it; otherwise it is carried on by its velocity.
+    pub seen: bool,
     /// Where its centre is now.
     pub place: Point,
     /// Its velocity [m/s].

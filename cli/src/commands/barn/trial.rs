@@ -34,8 +34,6 @@ pub struct Trial {
     pub least_clearance_m: f64,
     pub distance_m: f64,
     pub track: Vec<TrackPoint>,
-    /// Where it touched something.
-    pub contact: Option<Point>,
 }
 
 /// The run goes in slices of this length [s].
@@ -112,7 +110,6 @@ struct Referee {
     end: Option<(End, f64)>,
     last: Truth,
     least_clearance_m: f64,
-    contact: Option<Point>,
     track: Vec<TrackPoint>,
 }
 
@@ -126,7 +123,6 @@ impl Referee {
             end: None,
             last: Truth::default(),
             least_clearance_m: f64::INFINITY,
-            contact: None,
             track: Vec::new(),
         }
     }
@@ -146,7 +142,6 @@ impl Referee {
         }
         let spent_s = self.began.map_or(0.0, |began| stamp.since(began));
         if truth.contacts.iter().any(|count| *count > 0) {
-            self.contact = Some(place);
             self.end = Some((End::Collision, spent_s));
         } else if (place - self.goal).norm() <= ARRIVED_M {
             self.end = Some((End::Success, spent_s));
@@ -166,7 +161,6 @@ impl Referee {
             least_clearance_m: self.least_clearance_m,
             distance_m: self.last.distance_m,
             track: self.track,
-            contact: self.contact,
         }
     }
 }
