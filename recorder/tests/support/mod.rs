@@ -148,7 +148,7 @@ impl Node for Boss {
             CallState::TimedOut => 7.0,
         };
         let progress = self.count.progress::<Done>().map_or(-1.0, |done| done.at_ns as f64);
-        if self.orders % 4 == 0 && progress == 2.0 {
+        if self.orders.is_multiple_of(4) && progress == 2.0 {
             self.count.cancel();
         }
         let twist = Twist { linear_x_m_s: state, linear_y_m_s: progress, angular_z_rad_s: self.orders as f64 };
