@@ -11,6 +11,7 @@
 pub mod built_in;
 mod commands;
 pub mod exit;
+pub mod experiments;
 pub mod launch;
 pub mod live;
 pub mod load;

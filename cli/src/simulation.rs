@@ -214,21 +214,22 @@ struct Watch {
 }
 
 /// A channel, and how far it has been read.
-struct Tap {
+pub(crate) struct Tap {
     ring: RawReader,
     buffer: SampleBuffer,
     read_to: u64,
 }
 
 impl Tap {
-    fn open(host: &SimulatedHost, path: &str, expect: Option<Expect>) -> Option<Tap> {
+    /// Opens a channel of a simulated robot.
+    pub(crate) fn open(host: &SimulatedHost, path: &str, expect: Option<Expect>) -> Option<Tap> {
         let ring = host.tree().reader(path, expect).ok()?;
         let buffer = SampleBuffer::new(ring.geometry());
         Some(Tap { ring, buffer, read_to: 0 })
     }
 
     /// Hands sequence number, stamp and bytes of every new sample to `each`.
-    fn drain(&mut self, mut each: impl FnMut(u64, Time, &SampleBuffer)) {
+    pub(crate) fn drain(&mut self, mut each: impl FnMut(u64, Time, &SampleBuffer)) {
         let head = self.ring.head();
         while self.read_to < head {
             self.read_to += 1;
@@ -331,7 +332,8 @@ impl Watch {
     }
 }
 
-fn expected<M: Message>() -> Expect {
+/// What a reader of `M` expects of a channel.
+pub(crate) fn expected<M: Message>() -> Expect {
     Expect { type_name: M::NAME.into(), layout_hash: M::layout_hash() }
 }
 

@@ -5,9 +5,12 @@
 // A unit at the end of a doc line, `[m]`, looks like a link to rustdoc.
 #![allow(rustdoc::broken_intra_doc_links)]
 
+pub mod laser;
 pub mod p2os;
+pub mod port;
+pub mod urg;
 
 use runtime::NodeType;
 
 /// The drivers that a robot file can name.
-pub const NODES: &[NodeType] = &[NodeType::of::<p2os::P2os>()];
+pub const NODES: &[NodeType] = &[NodeType::of::<p2os::P2os>(), NodeType::of::<urg::Urg>()];

@@ -35,23 +35,33 @@ extern crate self as messages;
 
 mod base;
 mod image;
+mod laser;
+mod missions;
 mod motion;
 mod node;
 mod plain;
 mod ranges;
+mod reflexes;
 mod requests;
 mod schema;
+mod tracks;
 mod truth;
 
 pub use base::{BaseState, Link};
 pub use image::{Encoding, Image};
+pub use laser::{LaserScan, LaserState, ScanBeam};
 pub use messages_derive::Message;
+pub use missions::{
+    GotoGoal, GotoPath, GotoProgress, GotoResult, GotoState, MoveProgress, MoveRequest, SetPose, VIA_POINTS,
+};
 pub use motion::{Axis, Command, CoordinatorState, FreeSectors, MotionState, Odometry, Proposal, Stop, Twist, Wish};
 pub use node::{InputCursor, NodeStatistics, StepEvents, StepInputs, StepKind, WRITTEN, path_number};
 pub use plain::{Message, NoTail, Plain, tail_offset};
 pub use ranges::{Beam, Echo, Ranges};
+pub use reflexes::{Detour, ModeState, ProtectiveStop, Room, SetMode, Side, StopCause, WheelVelocities};
 pub use requests::{Done, Sound, Switch, Trigger};
 pub use schema::{Element, Field, JsonError, JsonProblem, Kind, Schema, SchemaError, from_json_value, to_json_value};
+pub use tracks::{Segment, SegmentShape, Segments, Track, TrackMotion, TrackState, Tracks};
 pub use truth::{Contact, ContactCause, Truth};
 
 // The derive's output names this crate; a user's crate that depends on `sinew` alone says `#[message(crate = sinew::messages)]`.

@@ -7,7 +7,10 @@ use std::fmt::Debug;
 use std::fs;
 use std::path::Path;
 
-use messages::{ContactCause, Echo, Encoding, Field, Kind, Link, Message, Schema, Stop, Wish};
+use messages::{
+    ContactCause, Echo, Encoding, Field, GotoState, Kind, Link, Message, Schema, SegmentShape, Side, Stop, StopCause,
+    TrackMotion, TrackState, Wish,
+};
 use shipped::every_message;
 
 /// Name, size of the fixed part [byte] and layout hash of every shipped message, by name.
@@ -18,22 +21,42 @@ const LAYOUTS: &[(&str, usize, u64)] = &[
     ("Command", 40, 0x5e00_ce3a_2767_8168),
     ("Contact", 32, 0xdbba_cb0a_b290_8f39),
     ("CoordinatorState", 40, 0xdcf1_414a_1e80_6ca4),
+    ("Detour", 32, 0x67c0_cd05_421d_bb4e),
     ("Done", 8, 0x920f_09b8_ae5d_0329),
     ("FreeSectors", 152, 0x26eb_558f_ca03_54ee),
+    ("GotoGoal", 32, 0x181d_6843_ea13_c8ec),
+    ("GotoPath", 408, 0x9020_56b9_973b_6413),
+    ("GotoProgress", 56, 0x2fde_93eb_308a_9a71),
+    ("GotoResult", 56, 0xca92_93b0_fece_525b),
     ("Image", 16, 0x02d8_cfcb_2b36_d86e),
     ("InputCursor", 32, 0x4370_2a67_4c35_0c94),
+    ("LaserScan", 48, 0xee1c_5d02_7b56_169b),
+    ("LaserState", 32, 0x10ca_9f58_5fc3_c53f),
+    ("ModeState", 16, 0x655c_3a06_501d_129a),
     ("MotionState", 80, 0x57a0_4d41_0698_3892),
+    ("MoveProgress", 24, 0x6ba5_19db_660a_eebf),
+    ("MoveRequest", 24, 0xa2ec_5c0c_e872_b9fa),
     ("NodeStatistics", 136, 0x323f_6fe8_ab13_ece3),
     ("Odometry", 200, 0xd236_4438_8487_504c),
     ("Proposal", 112, 0x1b8f_7b10_6048_5186),
+    ("ProtectiveStop", 24, 0x9dd2_4589_9021_958d),
     ("Ranges", 16, 0xd40a_7f3b_a98d_f009),
+    ("Room", 56, 0x8ba7_f460_1e08_ed04),
+    ("ScanBeam", 8, 0x5241_9a97_92fe_322a),
+    ("Segment", 104, 0x9260_6476_fb7f_dc90),
+    ("Segments", 16, 0x06d6_2b8c_0505_4ea7),
+    ("SetMode", 8, 0xf832_c237_1d7c_26e9),
+    ("SetPose", 24, 0x9320_5049_dedd_6b94),
     ("Sound", 16, 0x2b97_d221_0b71_2ccc),
     ("StepEvents", 16, 0xbe5a_8583_77ec_fbb8),
     ("StepInputs", 32, 0x4745_d93b_2f66_6049),
     ("Switch", 8, 0xa461_43bc_51c2_bc5a),
+    ("Track", 256, 0xa4ac_1f24_f08a_4da2),
+    ("Tracks", 72, 0x29f2_4bea_2f9e_40f1),
     ("Trigger", 8, 0x6991_0448_f9f2_80b7),
     ("Truth", 88, 0x7d1a_fa5b_7340_174b),
     ("Twist", 24, 0x0c66_3de7_b0de_9fd9),
+    ("WheelVelocities", 32, 0x9d92_541e_6d2b_e630),
 ];
 
 fn schema<M: Message>() -> Schema {
@@ -113,12 +136,28 @@ fn the_names_in_the_schemas_are_those_of_the_enums() {
     use {ContactCause::*, Echo::*};
     check::<messages::Beam, _>("echo", [Echo::None, Value, Clear, TooNear, Off, LinkLost, Fault], |echo| echo as u64);
     let link = [Link::Connecting, Link::Up, Link::NoPort, Link::Silent, Link::Lost, Link::Foreign];
+    check::<messages::ScanBeam, _>("echo", [Echo::None, Value, Clear, TooNear, Off, LinkLost, Fault], |echo| {
+        echo as u64
+    });
     check::<messages::BaseState, _>("link", link, |link| link as u64);
+    check::<messages::LaserState, _>("link", link, |link| link as u64);
     let encoding = [Encoding::Mono8, Encoding::Rgb8, Encoding::Bgr8, Encoding::Yuyv, Encoding::Jpeg];
     check::<messages::Image, _>("encoding", encoding, |encoding| encoding as u64);
     check::<messages::Axis, _>("wish", [Wish::Abstain, Wish::Exact, Wish::Word], |wish| wish as u64);
     let stop = [Stop::None, Stop::StaleVelocity, Stop::Blind, Stop::Zone, Stop::Bumper, Stop::Stall, Stop::Base];
     check::<messages::MotionState, _>("stop", stop, |stop| stop as u64);
+    let state = [TrackState::Tentative, TrackState::Confirmed, TrackState::Coasting];
+    check::<messages::Track, _>("state", state, |state| state as u64);
+    let motion = [TrackMotion::Unknown, TrackMotion::Still, TrackMotion::Moving];
+    check::<messages::Track, _>("motion", motion, |motion| motion as u64);
+    let shape = [SegmentShape::Speck, SegmentShape::Round, SegmentShape::Straight];
+    check::<messages::Segment, _>("shape", shape, |shape| shape as u64);
+    let state = [GotoState::Idle, GotoState::Driving, GotoState::Turning, GotoState::Lost];
+    check::<messages::GotoProgress, _>("state", state, |state| state as u64);
+    let cause = [StopCause::None, StopCause::Bumper, StopCause::Zone, StopCause::Held];
+    check::<messages::ProtectiveStop, _>("cause", cause, |cause| cause as u64);
+    check::<messages::Room, _>("side", [Side::None, Side::Left, Side::Right], |side| side as u64);
+    check::<messages::Detour, _>("side", [Side::None, Side::Left, Side::Right], |side| side as u64);
     check::<messages::Contact, _>("cause", [Drove, ReversedBlind, Suffered], |cause| cause as u64);
 
     fn check<M: Message, E: Debug + Copy>(field: &str, variants: impl IntoIterator<Item = E>, number: fn(E) -> u64) {

@@ -9,9 +9,10 @@
 //! Without odometry it writes nothing: its readers then see that it is silent, and choose another source. A restarted
 //! node reads the rings' history first and so has its memory back.
 
-use crate::echo_memory::{EchoMemory, MemoryConfig, Outline, Place};
+use crate::echo_memory::{EchoMemory, MemoryConfig, Outline};
+use crate::place::{Place, place_at};
 use messages::{Beam, Odometry, Ranges};
-use runtime::{Fault, Layer, Node, OpenError, Ports, Reader, Time, Writer, math};
+use runtime::{Fault, Layer, Node, OpenError, Ports, Reader, Time, Writer};
 
 /// Most beams of the ranger.
 const BEAMS: usize = 64;
@@ -21,8 +22,6 @@ const SAME_READING_S: f64 = 0.005;
 const HISTORY: usize = 64;
 /// What overlaps the body's edge by no more than this may be there in truth [m].
 const UNDER_BODY_M: f64 = 0.03;
-/// A pose is carried on by its velocity for no longer than this [s].
-const LONGEST_EXTRAPOLATION_S: f64 = 0.3;
 
 /// The node.
 pub struct Echoes {
@@ -128,27 +127,4 @@ impl Hearing {
             self.memory.hear(time, &place, ranges, beam);
         }
     }
-}
-
-/// Where the body was at `time`: between two samples, or carried on from the newest; `None` when that is not known.
-fn place_at(odometry: &mut Reader<Odometry>, time: Time) -> Option<Place> {
-    if let Some((before, after)) = odometry.around(time) {
-        let whole_s = after.stamp.since(before.stamp);
-        let share = if whole_s > 0.0 { time.since(before.stamp) / whole_s } else { 0.0 };
-        let turned_rad = math::wrap_angle(after.heading_rad - before.heading_rad);
-        return Some(Place::new(
-            before.x_m + share * (after.x_m - before.x_m),
-            before.y_m + share * (after.y_m - before.y_m),
-            before.heading_rad + share * turned_rad,
-        ));
-    }
-    let newest = odometry.at(time)?;
-    let ahead_s = time.since(newest.stamp);
-    if ahead_s > LONGEST_EXTRAPOLATION_S {
-        return None;
-    }
-    let turned_rad = newest.velocity.angular_z_rad_s * ahead_s;
-    let way_m = newest.velocity.linear_x_m_s * ahead_s;
-    let (sin, cos) = math::sin_cos(newest.heading_rad + 0.5 * turned_rad);
-    Some(Place::new(newest.x_m + way_m * cos, newest.y_m + way_m * sin, newest.heading_rad + turned_rad))
 }

@@ -3,9 +3,18 @@
 pub mod echo_memory;
 pub mod echoes;
 pub mod odometry;
+pub mod place;
+pub mod ranges;
+pub mod scan;
 pub mod track;
+pub mod tracks;
 
 use runtime::NodeType;
 
 /// Node types of this layer.
-pub const NODES: &[NodeType] = &[NodeType::of::<odometry::Odometry>(), NodeType::of::<echoes::Echoes>()];
+pub const NODES: &[NodeType] = &[
+    NodeType::of::<odometry::Odometry>(),
+    NodeType::of::<echoes::Echoes>(),
+    NodeType::of::<ranges::BodyRanges>(),
+    NodeType::of::<tracks::Tracks>(),
+];

@@ -9,8 +9,6 @@ use crate::noise::{Chance, Purpose};
 use crate::realism::WheelRealism;
 use messages::Twist;
 
-/// Speed that no wheel exceeds, whatever it is told [m/s].
-const MAX_WHEEL_M_S: f64 = 1.2;
 /// Slower than this counts as standing [m/s].
 pub(crate) const STANDING_M_S: f64 = 0.01;
 
@@ -36,6 +34,17 @@ impl Stride {
     }
 }
 
+/// What a body's mechanics are made of.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Frame {
+    pub footprint: Footprint,
+    /// Heading per half the difference of the wheels' ways [rad/m].
+    pub turn_rad_per_m: f64,
+    pub ticks_per_m: f64,
+    /// Speed that no wheel exceeds, whatever it is told [m/s].
+    pub max_wheel_m_s: f64,
+}
+
 /// A body's mechanics.
 #[derive(Debug, Clone)]
 pub(crate) struct Body {
@@ -43,9 +52,9 @@ pub(crate) struct Body {
     pub pose: Pose,
     /// True velocity over the last step.
     pub velocity: Twist,
-    /// Heading per half the difference of the wheels' ways [rad/m].
     turn_rad_per_m: f64,
     ticks_per_m: f64,
+    max_wheel_m_s: f64,
     left_m: f64,
     right_m: f64,
     distance_scale: f64,
@@ -56,16 +65,10 @@ pub(crate) struct Body {
 }
 
 impl Body {
-    pub fn new(
-        footprint: Footprint,
-        turn_rad_per_m: f64,
-        ticks_per_m: f64,
-        realism: WheelRealism,
-        seed: u64,
-        index: usize,
-    ) -> Body {
+    pub fn new(frame: Frame, realism: WheelRealism, seed: u64, index: usize) -> Body {
+        let Frame { footprint, turn_rad_per_m, ticks_per_m, max_wheel_m_s } = frame;
         let mut chance = Chance::new(seed, Purpose::Wheels, index);
-        let distance_scale = 1.0 + realism.distance_error * chance.either_way();
+        let distance_scale = (1.0 + realism.distance_error * chance.either_way()) / realism.odometry_scale;
         let turn_scale = 1.0 + realism.turn_error * chance.either_way();
         let drift_rad_per_m = realism.drift_rad_per_m * chance.either_way();
         let (pose, velocity) = (Pose::default(), Twist::default());
@@ -75,6 +78,7 @@ impl Body {
             velocity,
             turn_rad_per_m,
             ticks_per_m,
+            max_wheel_m_s,
             left_m: 0.0,
             right_m: 0.0,
             distance_scale,
@@ -88,7 +92,7 @@ impl Body {
     /// What the wheels do when told to move so for `dt_s`: both slowed down alike when one would turn too fast.
     pub fn stride(&self, speed_m_s: f64, turn_rad_s: f64, dt_s: f64) -> Stride {
         let fastest = speed_m_s.abs() + turn_rad_s.abs() / self.turn_rad_per_m;
-        let share = if fastest > MAX_WHEEL_M_S { MAX_WHEEL_M_S / fastest } else { 1.0 };
+        let share = if fastest > self.max_wheel_m_s { self.max_wheel_m_s / fastest } else { 1.0 };
         Stride { way_m: speed_m_s * dt_s * share, turn_rad: turn_rad_s * dt_s * share }
     }
 
@@ -139,7 +143,8 @@ mod tests {
 
     fn body(realism: WheelRealism, seed: u64) -> Body {
         let outline = Footprint::cut_rectangle(0.21, 0.3, 0.2, 0.1).unwrap();
-        Body::new(outline, 5.6, 128_000.0, realism, seed, 0)
+        let frame = Frame { footprint: outline, turn_rad_per_m: 5.6, ticks_per_m: 128_000.0, max_wheel_m_s: 1.2 };
+        Body::new(frame, realism, seed, 0)
     }
 
     #[test]

@@ -18,7 +18,7 @@ pub use contact::{BROKEN_FOR_S, BROKEN_GAP_M};
 pub use node::{BodyConfig, World, WorldConfig};
 pub use realism::{LineFaults, Realism, SonarRealism, WheelRealism};
 pub use scene::Thing;
-pub use simulation::{BodySetup, STEP_NS, STEP_S, Setup, SetupError, Simulation};
+pub use simulation::{BodySetup, Chassis, STEP_NS, STEP_S, Setup, SetupError, Simulation};
 pub use statistics::Statistics;
 
 use runtime::NodeType;

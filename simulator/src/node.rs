@@ -5,7 +5,7 @@
 
 use crate::geometry::Pose;
 use crate::realism::Realism;
-use crate::simulation::{BodySetup, Setup, Simulation};
+use crate::simulation::{BodySetup, Chassis, Setup, Simulation};
 use crate::world::World as Map;
 use messages::{Contact, Truth};
 use runtime::device::{Address, DEFAULT_BAUD, DeviceLink};
@@ -33,7 +33,7 @@ pub struct WorldConfig {
 pub struct BodyConfig {
     /// Driver instance whose simulated twin it is.
     pub name: String,
-    /// Model, such as p3dx-sh.
+    /// Model: p3dx-sh, p3dx, jackal (a stand-in that speaks P2OS, which no real Jackal does).
     #[serde(default = "default_model")]
     pub model: String,
     /// Start pose: x, y [m], heading [deg]; without it the world's own start.
@@ -46,6 +46,12 @@ pub struct BodyConfig {
     /// Silence after which the controller stops the robot [ms].
     #[serde(default = "default_watchdog_ms")]
     pub watchdog_ms: u16,
+    /// Whether bumpers are fitted.
+    #[serde(default = "default_bumpers")]
+    pub bumpers: bool,
+    /// Outline, wheels and controller where they are not the model's.
+    #[serde(default)]
+    pub chassis: Chassis,
 }
 
 fn default_model() -> String {
@@ -56,10 +62,21 @@ fn default_watchdog_ms() -> u16 {
     BodySetup::default().watchdog_ms
 }
 
+fn default_bumpers() -> bool {
+    BodySetup::default().bumpers
+}
+
 impl BodyConfig {
     fn twin_of(name: &str) -> BodyConfig {
-        let (model, watchdog_ms) = (default_model(), default_watchdog_ms());
-        BodyConfig { name: name.into(), model, start: None, serve: None, watchdog_ms }
+        BodyConfig {
+            name: name.into(),
+            model: default_model(),
+            start: None,
+            serve: None,
+            watchdog_ms: default_watchdog_ms(),
+            bumpers: default_bumpers(),
+            chassis: Chassis::default(),
+        }
     }
 }
 
@@ -116,7 +133,8 @@ impl Node for World {
                 name: body.name.clone(),
                 start: body.start.map(|[x_m, y_m, heading_deg]| Pose::new(x_m, y_m, heading_deg.to_radians())),
                 watchdog_ms: body.watchdog_ms,
-                ..BodySetup::default()
+                bumpers: body.bumpers,
+                chassis: body.chassis,
             });
         }
         let simulation = Simulation::new(map, &setup).map_err(|e| OpenError::config(e.to_string()))?;

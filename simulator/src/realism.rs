@@ -21,6 +21,8 @@ pub struct Realism {
 pub struct WheelRealism {
     /// Greatest error of calibration of distances; one value per run is drawn within ± this [share].
     pub distance_error: f64,
+    /// The odometry reads this many times the true way, in every run; 1 is right.
+    pub odometry_scale: f64,
     /// Greatest error of calibration of turns; one value per run is drawn within ± this [share].
     pub turn_error: f64,
     /// Greatest drift of the heading with the way (unequal wheels); one value per run within ± this [rad/m].
@@ -57,12 +59,15 @@ pub struct LineFaults {
     pub lose_byte: f64,
     /// Probability that a byte is replaced by a random one.
     pub corrupt_byte: f64,
+    /// What the client sends takes so long to reach the controller, in whole steps of 10 ms [ms].
+    pub delay_ms: f64,
 }
 
 impl Default for WheelRealism {
     fn default() -> WheelRealism {
         WheelRealism {
             distance_error: 0.0075,
+            odometry_scale: 1.0,
             turn_error: 0.005,
             drift_rad_per_m: 0.0075,
             slip_m: 0.002,
@@ -90,6 +95,7 @@ impl Realism {
         Realism {
             wheels: WheelRealism {
                 distance_error: 0.0,
+                odometry_scale: 1.0,
                 turn_error: 0.0,
                 drift_rad_per_m: 0.0,
                 slip_m: 0.0,
@@ -132,6 +138,13 @@ impl Realism {
         }
         if let Some((key, value)) = no_share {
             return Some(format!("{key} = {value} is no probability; write 0 to 1"));
+        }
+        if !(0.5..=2.0).contains(&wheels.odometry_scale) {
+            let value = wheels.odometry_scale;
+            return Some(format!("wheels.odometry_scale = {value} is no calibration; write 0.5 to 2, 1 is right"));
+        }
+        if !(line.delay_ms >= 0.0 && line.delay_ms <= 1000.0) {
+            return Some(format!("line.delay_ms = {} is out of bounds; write 0 to 1000", line.delay_ms));
         }
         if !(sonar.half_angle_deg > 0.0 && sonar.half_angle_deg < 60.0) {
             return Some(format!(

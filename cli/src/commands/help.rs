@@ -6,11 +6,11 @@ use std::fmt::Write;
 
 /// Every command under what it is for. A test holds this list to the commands that there are.
 const GROUPS: [(&str, &[&str]); 5] = [
-    ("Run a robot", &["run", "drive", "down", "simulate"]),
+    ("Run a robot", &["run", "drive", "goto", "mode", "down", "simulate", "barn"]),
     ("Look at a running robot", &["ls", "cat", "hz", "logs", "call"]),
     ("Record, and see again", &["record", "info", "play", "replay", "recover"]),
     ("Look at a robot file", &["check", "graph", "schema"]),
-    ("Look at this machine", &["doctor", "bench"]),
+    ("Look at this machine", &["doctor", "bench", "experiments"]),
 ];
 
 const BOLD: &str = "\x1b[1m";
@@ -42,7 +42,7 @@ pub fn command_line() -> clap::Command {
         for name in names {
             let about = command.find_subcommand(name).and_then(clap::Command::get_about);
             let about = about.map(ToString::to_string).unwrap_or_default();
-            let _ = writeln!(text, "  {BOLD}{name:<10}{PLAIN} {about}");
+            let _ = writeln!(text, "  {BOLD}{name:<11}{PLAIN} {about}");
         }
     }
     let _ = write!(text, "\n{BOLD}First steps{PLAIN}\n{FIRST_STEPS}\n");
@@ -80,6 +80,21 @@ JSON (--json):
 
 Exit code 4 when the robot caused a contact.";
 
+pub const BARN: &str = "\
+Examples:
+  sinew barn --data barn                           every world once: success, collisions, score
+  sinew barn --data barn --reactive --seeds 3      the newest scan alone decides, three runs in each world
+  sinew barn --data dynabarn --dynamic --tracking off    cylinders that move, and a planner that is not told so
+  sinew barn --data barn --latency-ms 50 --odometry-scale 1.01
+  sinew barn --data barn --worlds 17..18 --svg run.svg   draws the run through world 17
+
+JSON (--json):
+  {note, runs, success, collisions, timeouts (shares, 0 to 1), mean_time_s, score, least_clearance_m, classes (DynaBARN),
+   \"worlds\": [{world, seed, end, time_s, score, least_clearance_m, distance_m}]}
+
+Start, goal, limits and score are the challenge's; the robot is the whole stack in the simulated host, in planar
+kinematics: these figures are no leaderboard scores.";
+
 pub const DRIVE: &str = "\
 Examples:
   sinew drive                     drives the only running robot with arrow keys or W A S D
@@ -91,6 +106,36 @@ last key repeat. Limits, stop zones and bumpers act as ever.
 
 It is an action like any other: it writes /actions/teleop/proposal (urgency 1, valid for 0.3 s), which the coordinator
 obeys as one more member of its set.";
+
+pub const GOTO: &str = "\
+Examples:
+  sinew goto 6 4                  to x = 6 m, y = 4 m of the map, and waits until it is there; Ctrl-C cancels
+  sinew goto 6 -1.5 90            and turns to 90° there, counter-clockwise from the map's x axis
+  sinew goto 6 4 --no-wait        returns when the robot has accepted; `sinew call goto cancel` ends it
+
+Without localisation the map is the odometry frame: it begins at `start` of the node odometry, or where the call
+set_pose last put the robot. A goal that is off the map, on something, or no number is refused, and nothing moves.
+
+JSON (--json), one object per line: {accepted}, {progress}, then node, result, took_s.";
+
+pub const MODE: &str = "\
+Examples:
+  sinew mode                      the modes of the robot's coordinator, and which one counts
+  sinew mode position_avoidance   sets one by its name
+  sinew mode 0                    or by its number
+
+JSON (--json): node, mode, name, modes (their names in order).";
+
+pub const EXPERIMENTS: &str = "\
+Examples:
+  sinew experiments               all, with all their runs (some minutes)
+  sinew experiments goto --quick  a tenth of the runs of one
+  sinew experiments --plot docs/experiments    draws the plots of docs/experiments.md
+
+JSON (--json), an object per experiment: experiment, conditions, runs, figures [{name, value, unit, target}], remarks,
+holds. The same figures on any machine.
+
+Exit code 4 when a figure is not what it must be.";
 
 pub const DOWN: &str = "\
 Examples:

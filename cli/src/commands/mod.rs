@@ -1,5 +1,6 @@
 //! The command line: one binary, one word per thing to do.
 
+mod barn;
 pub mod bench;
 mod call;
 mod cat;
@@ -7,12 +8,15 @@ mod check;
 mod doctor;
 mod down;
 mod drive;
+mod experiments;
+mod goto;
 mod graph;
 mod help;
 mod hz;
 mod info;
 mod logs;
 mod ls;
+mod mode;
 pub mod node;
 mod play;
 mod record;
@@ -43,8 +47,14 @@ enum Command {
     Run(run::Args),
     #[command(after_help = help::SIMULATE)]
     Simulate(simulate::Args),
+    #[command(after_help = help::BARN)]
+    Barn(barn::Args),
     #[command(after_help = help::DRIVE)]
     Drive(drive::Args),
+    #[command(after_help = help::GOTO)]
+    Goto(goto::Args),
+    #[command(after_help = help::MODE)]
+    Mode(mode::Args),
     #[command(after_help = help::DOWN)]
     Down(down::Args),
     #[command(after_help = help::LS)]
@@ -73,6 +83,8 @@ enum Command {
     Graph(graph::Args),
     #[command(after_help = help::SCHEMA)]
     Schema(schema::Args),
+    #[command(after_help = help::EXPERIMENTS)]
+    Experiments(experiments::Args),
     #[command(after_help = help::BENCH)]
     Bench(bench::Args),
     #[command(after_help = help::DOCTOR)]
@@ -104,7 +116,10 @@ fn dispatch(command: Command, types: &[NodeType]) -> Result<(), Failure> {
     match command {
         Command::Run(args) => run::run(args, types),
         Command::Simulate(args) => simulate::run(args, types),
+        Command::Barn(args) => barn::run(args, types),
         Command::Drive(args) => drive::run(args, types),
+        Command::Goto(args) => goto::run(args),
+        Command::Mode(args) => mode::run(args, types),
         Command::Down(args) => down::run(args),
         Command::Ls(args) => ls::run(args),
         Command::Cat(args) => cat::run(args),
@@ -119,6 +134,7 @@ fn dispatch(command: Command, types: &[NodeType]) -> Result<(), Failure> {
         Command::Check(args) => check::run(args, types),
         Command::Graph(args) => graph::run(args, types),
         Command::Schema(args) => schema::run(args, types),
+        Command::Experiments(args) => experiments::run(args),
         Command::Bench(args) => bench::run(args, types),
         Command::Doctor(args) => doctor::run(args),
         Command::Node(args) => node::run(args, types),

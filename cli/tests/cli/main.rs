@@ -5,6 +5,7 @@ mod call;
 mod cat;
 mod drive;
 mod files;
+mod goto;
 mod hz;
 mod ls;
 mod place;

@@ -105,8 +105,25 @@ const P3DX_SH: Model = Model {
 /// Pioneer 3-DX with the older H8 controller.
 const P3DX: Model = Model { subclass: "p3dx", distance_m_per_unit: 0.000_485, ..P3DX_SH };
 
+/// A stand-in for a Clearpath Jackal in simulations: its body and wheels behind a controller that speaks P2OS. No such
+/// controller exists, a real Jackal has another protocol; the class says so. It has no sonar: fit no array.
+const JACKAL_STAND_IN: Model = Model {
+    class: "StandIn",
+    subclass: "jackal",
+    // Half a millimetre: the 15 bits of a position last for 16 m.
+    distance_m_per_unit: 0.000_5,
+    // Two over the track of 0.37559 m, without the slip of skid steering.
+    turn_rad_per_m: 5.325,
+    max_speed_m_s: 2.0,
+    max_turn_rad_s: 4.0,
+    length_ahead_m: 0.254,
+    length_behind_m: 0.254,
+    half_width_m: 0.215,
+    ..P3DX_SH
+};
+
 /// All models that the driver knows.
-pub const MODELS: &[Model] = &[P3DX_SH, P3DX];
+pub const MODELS: &[Model] = &[P3DX_SH, P3DX, JACKAL_STAND_IN];
 
 /// The model that a robot's identity names, whatever the case.
 pub fn find(class: &str, subclass: &str) -> Option<&'static Model> {
@@ -129,6 +146,13 @@ mod tests {
         assert_eq!(find("AmigoBot", "p3dx"), None);
         assert_eq!(find("Pioneer", "p3at"), None);
         assert_eq!(named("P3DX").unwrap().subclass, "p3dx");
+    }
+
+    #[test]
+    fn a_stand_in_says_that_it_is_one() {
+        let jackal = find("StandIn", "jackal").unwrap();
+        assert_eq!((2.0 * jackal.length_ahead_m, 2.0 * jackal.half_width_m), (0.508, 0.430));
+        assert_eq!(find("Pioneer", "jackal"), None);
     }
 
     #[test]

@@ -28,7 +28,7 @@ use super::protocol::{Argument, MAX_PACKET, STOP_PACKETS, command, flag};
 use super::session::{Demand, Port, Session};
 use super::settings::P2osConfig;
 use messages::{Command, Done, Message, Sound, Switch, Trigger};
-use runtime::device::{Address, DeviceLink};
+use runtime::device::Address;
 use runtime::{Body, CallPort, Device, Fault, Layer, Node, OpenError, Ports, Reader, Request, Time};
 
 /// A SONAR command that the robot does not follow is repeated this often [s].
@@ -135,7 +135,7 @@ impl Node for P2os {
 
 impl P2os {
     fn receive(&mut self, now: Time) {
-        self.session.port(now, port(self.device.link()));
+        self.session.port(now, Port::from(self.device.link()));
         loop {
             let count = self.device.receive(&mut self.received);
             if count == 0 {
@@ -335,13 +335,5 @@ fn reply<Q: Message>(port: &mut CallPort<Q, Done>, request: Request<Q>, now: Tim
     match result {
         Ok(()) => port.answer(request, &Done { at_ns: now.nanos() }),
         Err(reason) => port.refuse(request, reason),
-    }
-}
-
-fn port(link: DeviceLink) -> Port {
-    match link {
-        DeviceLink::Closed { .. } => Port::Closed,
-        DeviceLink::Opening => Port::Opening,
-        DeviceLink::Open { generation } => Port::Open(generation),
     }
 }

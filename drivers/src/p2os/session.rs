@@ -12,6 +12,8 @@
 //! watchdog has acted lets it *resume its old motion*. STOP first takes that motion away; a robot that waits for
 //! SYNC0 ignores it.
 
+pub use crate::port::{Demand, Port};
+
 use super::config::ConfigPacket;
 use super::phases::{Core, Phase};
 use super::protocol::{Argument, BYTE_GAP_S, COMMAND_SPACING_S, Framer, MAX_PACKET, command, encode_command};
@@ -58,17 +60,6 @@ impl Default for SessionConfig {
     }
 }
 
-/// What the port is doing, as the node sees it.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Port {
-    /// Not open.
-    Closed,
-    /// Being opened.
-    Opening,
-    /// Open; the number changes with every new opening.
-    Open(u64),
-}
-
 /// What came from the robot.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Event<'a> {
@@ -82,15 +73,6 @@ pub enum Event<'a> {
     Encoder(EncoderTicks),
     /// Any other packet: its payload.
     Other(&'a [u8]),
-}
-
-/// What the port should do.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Demand {
-    /// Close and open again.
-    Reopen,
-    /// Switch the line to this speed [baud].
-    Baud(u32),
 }
 
 /// The connection; see the module's text.

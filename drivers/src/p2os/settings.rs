@@ -41,7 +41,7 @@ pub struct Conversion {
 pub struct P2osConfig {
     /// Where the robot is: `/dev/ttyUSB0`, `serial:/dev/ttyUSB0?baud=38400`, `tcp:host:8101`, `pty:/path` or `simulator`.
     pub device: String,
-    /// `p3dx-sh`, `p3dx`, or `auto`: what the robot says it is.
+    /// `p3dx-sh`, `p3dx`, `jackal` (a stand-in), or `auto`: what the robot says it is.
     pub model: String,
     /// The sonar arrays that are fitted.
     pub sonar_arrays: Vec<SonarArray>,

@@ -19,8 +19,8 @@ mod reading;
 mod tests;
 
 pub use config::{MemoryConfig, Outline};
-pub use reading::Place;
 
+use crate::place::Place;
 use arc::{Arc, Free, Spot, near};
 use messages::{Beam, Echo, Ranges};
 use reading::{Heard, Reading};

@@ -1,40 +1,11 @@
 //! A beam of a ranger in the odometry frame: where it looked from, and what it heard.
 
+use crate::place::Place;
 use messages::{Beam, Echo, Ranges};
 use runtime::math;
 
 /// A ranger that clamps reads no less than its least range: within this of it nothing is known but "nearer" [m].
 const TOO_NEAR_M: f64 = 0.002;
-
-/// A place and heading in the odometry frame, ready for use.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Place {
-    /// x [m].
-    pub x_m: f64,
-    /// y [m].
-    pub y_m: f64,
-    /// Sine and cosine of the heading.
-    pub sin: f64,
-    /// Cosine of the heading.
-    pub cos: f64,
-}
-
-impl Place {
-    /// At (`x_m`, `y_m`), heading `heading_rad`.
-    pub fn new(x_m: f64, y_m: f64, heading_rad: f64) -> Place {
-        let (sin, cos) = math::sin_cos(heading_rad);
-        Place { x_m, y_m, sin, cos }
-    }
-
-    pub(super) fn out(&self, x_m: f64, y_m: f64) -> (f64, f64) {
-        (self.x_m + self.cos * x_m - self.sin * y_m, self.y_m + self.sin * x_m + self.cos * y_m)
-    }
-
-    pub(super) fn inward(&self, x_m: f64, y_m: f64) -> (f64, f64) {
-        let (dx, dy) = (x_m - self.x_m, y_m - self.y_m);
-        (self.cos * dx + self.sin * dy, self.cos * dy - self.sin * dx)
-    }
-}
 
 /// What a beam heard.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -29,6 +29,7 @@ impl Segment {
     /// Distance at which a ray from `origin` along the unit vector `direction` meets the segment [m].
     ///
     /// A ray that runs along the segment meets its nearer end.
+    #[inline]
     pub fn cast(&self, origin: Point, direction: Point) -> Option<f64> {
         let along = self.b - self.a;
         let to = self.a - origin;
@@ -36,11 +37,11 @@ impl Segment {
         if across == 0.0 {
             return cast_along(to, self.b - origin, direction);
         }
-        // origin + t·direction = a + s·along; both found by crossing away the other unknown.
-        let inverse = 1.0 / across;
-        let s = to.cross(direction) * inverse;
-        let t = to.cross(along) * inverse;
-        ((0.0..=1.0).contains(&s) && t >= 0.0).then_some(t)
+        // origin + t·direction = a + s·along; both found by crossing away the other unknown. Most segments are missed:
+        // that is seen before anything is divided.
+        let (s, t) = (to.cross(direction), to.cross(along));
+        let (s, t, size) = if across > 0.0 { (s, t, across) } else { (-s, -t, -across) };
+        (s >= 0.0 && s <= size && t >= 0.0).then(|| t / size)
     }
 
     /// The point of the segment nearest to `point`.
@@ -80,19 +81,21 @@ impl Circle {
     }
 
     /// Distance at which a ray from `origin` along the unit vector `direction` meets the circle; 0 from inside [m].
+    #[inline]
     pub fn cast(&self, origin: Point, direction: Point) -> Option<f64> {
         let to = self.centre - origin;
         let outside2 = to.dot(to) - self.radius_m * self.radius_m;
+        let ahead = to.dot(direction);
+        // Most circles are missed by the whole line: one branch for them.
+        let under = ahead * ahead - outside2;
+        if under < 0.0 {
+            return None;
+        }
         if outside2 <= 0.0 {
             return Some(0.0);
         }
-        let ahead = to.dot(direction);
-        if ahead <= 0.0 {
-            return None;
-        }
-        let under = ahead * ahead - outside2;
         // The stable form of the smaller root: c / (b + √…) loses no digits when the circle is far.
-        (under >= 0.0).then(|| outside2 / (ahead + under.sqrt()))
+        (ahead > 0.0).then(|| outside2 / (ahead + under.sqrt()))
     }
 
     /// Whether `point` lies in it.

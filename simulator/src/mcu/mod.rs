@@ -23,7 +23,7 @@ mod sonar;
 #[cfg(test)]
 mod tests;
 
-pub use settings::{Firmware, Flash};
+pub use settings::{Firmware, Flash, Tops};
 
 use battery::Battery;
 use drive::{Axis, Goal};

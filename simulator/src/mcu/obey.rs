@@ -77,10 +77,10 @@ impl Core {
         let argument = request.integer();
         match request.number {
             command::ENABLE => self.set_motors(argument != 0),
-            command::SETV => self.settings.set_translation_speed(argument),
-            command::SETA => self.settings.set_translation_ramp(argument),
-            command::SETRV => self.settings.set_rotation_speed(argument),
-            command::SETRA => self.settings.set_rotation_ramp(argument),
+            command::SETV => self.settings.set_translation_speed(&flash.tops, argument),
+            command::SETA => self.settings.set_translation_ramp(&flash.tops, argument),
+            command::SETRV => self.settings.set_rotation_speed(&flash.tops, argument),
+            command::SETRA => self.settings.set_rotation_ramp(&flash.tops, argument),
             command::SETO => self.set_origin(),
             command::STOP => self.stand_still(),
             command::E_STOP | command::QSTOP => {

@@ -41,13 +41,33 @@ pub struct Flash {
     pub ticks_per_mm: u16,
     /// Heading per difference of the wheels' ways, (right − left)/2 × this [rad/m].
     pub turn_rad_per_m: f64,
+    /// What no setting exceeds.
+    pub tops: Tops,
 }
 
 /// Caps that no setting exceeds (the packet's "Top" values), in wire units.
-pub(super) const TRANSLATION_TOP_MM_S: u16 = 2200;
-pub(super) const ROTATION_TOP_DEG_S: u16 = 500;
-pub(super) const TRANSLATION_ACCELERATION_TOP_MM_S2: u16 = 2000;
-pub(super) const ROTATION_ACCELERATION_TOP_DEG_S2: u16 = 600;
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Tops {
+    /// [mm/s].
+    pub translation_mm_s: u16,
+    /// [deg/s].
+    pub rotation_deg_s: u16,
+    /// [mm/s²].
+    pub translation_acceleration_mm_s2: u16,
+    /// [deg/s²].
+    pub rotation_acceleration_deg_s2: u16,
+}
+
+impl Tops {
+    /// A Pioneer's.
+    pub const PIONEER: Tops = Tops {
+        translation_mm_s: 2200,
+        rotation_deg_s: 500,
+        translation_acceleration_mm_s2: 2000,
+        rotation_acceleration_deg_s2: 600,
+    };
+}
+
 /// Alarm, and the voltage at which the motors go off [dV].
 pub(super) const LOW_BATTERY_DV: u16 = 110;
 pub(super) const SHUTDOWN_DV: u16 = 105;
@@ -76,25 +96,27 @@ impl Settings {
     };
 
     /// SETV.
-    pub fn set_translation_speed(&mut self, mm_s: i32) {
-        set(&mut self.translation.speed, mm_s, TRANSLATION_TOP_MM_S, MM);
+    pub fn set_translation_speed(&mut self, tops: &Tops, mm_s: i32) {
+        set(&mut self.translation.speed, mm_s, tops.translation_mm_s, MM);
     }
 
     /// SETRV.
-    pub fn set_rotation_speed(&mut self, deg_s: i32) {
-        set(&mut self.rotation.speed, deg_s, ROTATION_TOP_DEG_S, DEG);
+    pub fn set_rotation_speed(&mut self, tops: &Tops, deg_s: i32) {
+        set(&mut self.rotation.speed, deg_s, tops.rotation_deg_s, DEG);
     }
 
     /// SETA: positive sets the acceleration, negative the deceleration.
-    pub fn set_translation_ramp(&mut self, mm_s2: i32) {
+    pub fn set_translation_ramp(&mut self, tops: &Tops, mm_s2: i32) {
         let Limits { acceleration, deceleration, .. } = &mut self.translation;
-        set(if mm_s2 > 0 { acceleration } else { deceleration }, mm_s2, TRANSLATION_ACCELERATION_TOP_MM_S2, MM);
+        let limit = if mm_s2 > 0 { acceleration } else { deceleration };
+        set(limit, mm_s2, tops.translation_acceleration_mm_s2, MM);
     }
 
     /// SETRA: positive sets the acceleration, negative the deceleration.
-    pub fn set_rotation_ramp(&mut self, deg_s2: i32) {
+    pub fn set_rotation_ramp(&mut self, tops: &Tops, deg_s2: i32) {
         let Limits { acceleration, deceleration, .. } = &mut self.rotation;
-        set(if deg_s2 > 0 { acceleration } else { deceleration }, deg_s2, ROTATION_ACCELERATION_TOP_DEG_S2, DEG);
+        let limit = if deg_s2 > 0 { acceleration } else { deceleration };
+        set(limit, deg_s2, tops.rotation_acceleration_deg_s2, DEG);
     }
 }
 
@@ -113,10 +135,10 @@ pub(super) fn config_packet(flash: &Flash, settings: &Settings) -> ConfigPacket 
         class: flash.identity.class,
         subclass: flash.identity.subclass,
         serial_number: flash.serial_number,
-        rotation_speed_top: ROTATION_TOP_DEG_S,
-        translation_speed_top: TRANSLATION_TOP_MM_S,
-        rotation_acceleration_top: ROTATION_ACCELERATION_TOP_DEG_S2,
-        translation_acceleration_top: TRANSLATION_ACCELERATION_TOP_MM_S2,
+        rotation_speed_top: flash.tops.rotation_deg_s,
+        translation_speed_top: flash.tops.translation_mm_s,
+        rotation_acceleration_top: flash.tops.rotation_acceleration_deg_s2,
+        translation_acceleration_top: flash.tops.translation_acceleration_mm_s2,
         pwm_max: 500,
         name: flash.identity.name,
         sip_cycle_ms: flash.sip_cycle_ms,

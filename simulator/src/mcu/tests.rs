@@ -26,6 +26,7 @@ fn flash() -> Flash {
         rear_bumpers: 5,
         ticks_per_mm: 128,
         turn_rad_per_m: 5.6,
+        tops: Tops::PIONEER,
     }
 }
 

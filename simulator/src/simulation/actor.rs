@@ -105,6 +105,7 @@ impl Actor {
 
     /// One step of driving; answers what was in the way.
     pub fn drive(&mut self, scene: &Scene, now: Time) -> Option<Hit> {
+        self.take_arrived(now);
         let told = self.mcu.drive(now, STEP_S);
         let wheels = self.body.stride(told.speed_m_s, told.turn_rad_s, STEP_S);
         let ground = self.body.on_ground(wheels);
@@ -214,7 +215,23 @@ impl Actor {
             let mut passed = [0; CHUNK];
             passed[..chunk.len()].copy_from_slice(chunk);
             let count = self.line.pass(&mut passed[..chunk.len()]);
-            self.mcu.receive(now, &passed[..count]);
+            if self.line.is_slow() {
+                self.line.hold(now, &passed[..count]);
+            } else {
+                self.mcu.receive(now, &passed[..count]);
+            }
+        }
+    }
+
+    /// Hands the controller what a slow line has brought by now.
+    fn take_arrived(&mut self, now: Time) {
+        let mut arrived = [0; CHUNK];
+        loop {
+            let count = self.line.arrived(now, &mut arrived);
+            if count == 0 {
+                return;
+            }
+            self.mcu.receive(now, &arrived[..count]);
         }
     }
 

@@ -5,11 +5,13 @@
 //! give the same bits, on every machine. Nothing in a step allocates.
 
 mod actor;
+mod chassis;
 mod line;
 mod setup;
 #[cfg(test)]
 mod tests;
 
+pub use chassis::Chassis;
 pub use setup::{BodySetup, Setup, SetupError};
 
 use crate::contact::Meeting;
@@ -182,6 +184,9 @@ impl Simulation {
         }
         let next = person.walked(&walk, STEP_S);
         self.disc_velocities[index] = next.velocity;
+        if next.jumped {
+            return self.appear(index, next);
+        }
         let (from, way) = (walk.disc.centre, next.disc.centre - walk.disc.centre);
         let at = |share: f64| Circle::new(from + way * share, walk.disc.radius_m);
         for body in 0..self.placed.len() {
@@ -206,6 +211,19 @@ impl Simulation {
         }
         self.walks[index] = next;
         self.discs[index] = next.disc;
+    }
+
+    /// Puts a timed person where the round begins anew: nothing is met on the way there. Where a body stands in that
+    /// place, the two meet.
+    fn appear(&mut self, index: usize, walk: Walk) {
+        self.walks[index] = walk;
+        self.discs[index] = walk.disc;
+        for body in 0..self.placed.len() {
+            let (gap_m, on_body, on_thing) = self.placed[body].gap_to_circle(&walk.disc);
+            if gap_m < SKIN_M {
+                self.meet(body, Thing::Person(index), on_body, on_thing, None);
+            }
+        }
     }
 
     /// Lets a body obey its controller, up to the first thing in the way.

@@ -2,8 +2,9 @@
 
 use super::Simulation;
 use super::actor::{Actor, Parts};
+use super::chassis::{Built, Chassis};
 use super::line::Line;
-use crate::body::Body;
+use crate::body::{Body, Frame};
 use crate::geometry::{Circle, Footprint, Placed, Point, Pose};
 use crate::mcu::{Firmware, Flash, Mcu};
 use crate::noise::{Chance, Purpose};
@@ -28,11 +29,20 @@ pub struct BodySetup {
     pub watchdog_ms: u16,
     /// Whether bumpers are fitted.
     pub bumpers: bool,
+    /// Outline, wheels and controller where they are not the model's.
+    pub chassis: Chassis,
 }
 
 impl Default for BodySetup {
     fn default() -> BodySetup {
-        BodySetup { model: "p3dx-sh".into(), name: "simbot".into(), start: None, watchdog_ms: 2000, bumpers: true }
+        BodySetup {
+            model: "p3dx-sh".into(),
+            name: "simbot".into(),
+            start: None,
+            watchdog_ms: 2000,
+            bumpers: true,
+            chassis: Chassis::default(),
+        }
     }
 }
 
@@ -88,19 +98,21 @@ pub enum SetupError {
         /// Where [m].
         y_m: f64,
     },
+    /// A chassis is out of bounds.
+    #[error("body {body}: {reason}")]
+    Chassis {
+        /// Index of the body.
+        body: usize,
+        /// What is wrong, and what would be right.
+        reason: String,
+    },
     /// An imperfection is out of bounds.
     #[error("{0}")]
     Realism(String),
 }
 
-/// Corners cut off the body's rectangle: its plan is an octagon [m].
-const CUT_CORNERS_M: f64 = 0.1;
-/// Half of the width over the wheels, as another simulator has it; the vendor's table is 12 mm wider [m].
-const HALF_WIDTH_M: f64 = 0.2;
 /// Encoder ticks per millimetre of wheel travel.
 const TICKS_PER_MM: u16 = 128;
-/// Time between SIPs [ms].
-const SIP_CYCLE_MS: u8 = 100;
 /// Bumper segments at either end.
 const BUMPERS: u8 = 5;
 /// A drawn start keeps so much room around the body [m].
@@ -177,15 +189,19 @@ impl Simulation {
             let known: Vec<&str> = model::MODELS.iter().map(|model| model.subclass).collect();
             return Err(SetupError::UnknownModel { body: index, model: body.model.clone(), known: known.join(", ") });
         };
-        let flash = flash(model, body);
+        let built = body.chassis.built(model).map_err(|reason| SetupError::Chassis { body: index, reason })?;
+        let flash = flash(model, body, &built);
         let ticks_per_m = f64::from(flash.ticks_per_mm) * 1000.0;
-        let outline =
-            Footprint::cut_rectangle(model.length_ahead_m, model.length_behind_m, HALF_WIDTH_M, CUT_CORNERS_M)
-                .expect("the models' bodies are longer and wider than the corners cut off");
+        let frame = Frame {
+            footprint: built.outline,
+            turn_rad_per_m: model.turn_rad_per_m,
+            ticks_per_m,
+            max_wheel_m_s: built.max_wheel_m_s,
+        };
         let range_m = (model.min_range_m, model.max_range_m);
         Ok(Actor::new(Parts {
             mcu: Mcu::new(flash),
-            body: Body::new(outline, model.turn_rad_per_m, ticks_per_m, setup.realism.wheels, setup.seed, index),
+            body: Body::new(frame, setup.realism.wheels, setup.seed, index),
             ears: Ears::new(&model.sonar, range_m, model.range_m_per_unit, setup.realism.sonar),
             sonar_chance: Chance::new(setup.seed, Purpose::Sonar, index),
             line: Line::new(setup.realism.line, setup.seed, index),
@@ -222,7 +238,7 @@ impl Simulation {
     }
 }
 
-fn flash(model: &Model, body: &BodySetup) -> Flash {
+fn flash(model: &Model, body: &BodySetup, built: &Built) -> Flash {
     let bumpers = if body.bumpers { BUMPERS } else { 0 };
     Flash {
         identity: Identity {
@@ -234,10 +250,11 @@ fn flash(model: &Model, body: &BodySetup) -> Flash {
         firmware: if model.subclass == "p3dx" { Firmware::P2os } else { Firmware::Arcos },
         distance_m_per_unit: model.distance_m_per_unit,
         watchdog_ms: body.watchdog_ms,
-        sip_cycle_ms: SIP_CYCLE_MS,
+        sip_cycle_ms: built.sip_cycle_ms,
         front_bumpers: bumpers,
         rear_bumpers: bumpers,
         ticks_per_mm: TICKS_PER_MM,
         turn_rad_per_m: model.turn_rad_per_m,
+        tops: built.tops,
     }
 }

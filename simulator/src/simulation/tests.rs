@@ -94,6 +94,7 @@ fn walker(path: &[(f64, f64)], yields_within_m: Option<f64>) -> World {
         yields_within_m,
         pause_s: 0.0,
         phase: Some(0.0),
+        times_s: Vec::new(),
     };
     World { persons: vec![person], ..World::default() }
 }
@@ -375,7 +376,7 @@ fn a_silent_controller_says_nothing_and_goes_on_afterwards() {
 #[test]
 fn a_bad_line_loses_packets_and_corrupts_none_unseen() {
     let mut setup = perfect(&[ORIGIN]);
-    setup.realism.line = LineFaults { lose_byte: 0.002, corrupt_byte: 0.002 };
+    setup.realism.line = LineFaults { lose_byte: 0.002, corrupt_byte: 0.002, ..LineFaults::default() };
     let mut client = Client::new(wall_at(2.0), &setup);
     client.run(60.0);
     let framer = &client.framers[0];

@@ -2,7 +2,7 @@
 
 use super::error::{WorldError, nearest_word};
 use super::file::{BoxTable, CircleTable, PersonTable, PolygonTable, StartTable, WallTable, WorldFile};
-use super::{Person, Sketch, Solid, Start, barn, bitmap};
+use super::{Course, Person, Sketch, Solid, Start, barn, bitmap, dynabarn};
 use crate::geometry::{Circle, Point, Segment};
 use std::f64::consts::PI;
 use toml::Spanned;
@@ -51,6 +51,11 @@ pub(super) fn from_toml(file: &str, text: &str, load: &mut Loader) -> Result<Ske
         let name = beside(file, &table.get_ref().file);
         let bytes = at.load(load, table, &name)?;
         barn::add(&mut sketch, &name, &bytes, table.get_ref().world)?;
+    }
+    if let Some(table) = &words.dynabarn {
+        let name = beside(file, &table.get_ref().file);
+        let bytes = at.load(load, table, &name)?;
+        dynabarn::add(&mut sketch, &name, &bytes, table.get_ref().world)?;
     }
     for start in &words.start {
         sketch.starts.push(read_start(&at, start)?);
@@ -201,11 +206,26 @@ fn read_person(at: &Source, table: &Spanned<PersonTable>) -> Result<Person, Worl
     let words = table.get_ref();
     let path = at.points_named(table, &words.path_m, 2, "path_m")?;
     let positive = |number: f64| number > 0.0 && number.is_finite();
+    let timed = words.course == Course::Timed;
     at.require(
         table,
-        positive(words.speed_m_s),
+        timed || positive(words.speed_m_s),
         "a person needs a speed_m_s above zero",
         "people walk at 0.5 to 1.5 m/s",
+    )?;
+    let times = &words.at_s;
+    at.require(
+        table,
+        timed != times.is_empty(),
+        "at_s belongs to course = \"timed\", which cannot do without",
+        "give a time for every point of path_m, or another course",
+    )?;
+    let rises = times.windows(2).all(|pair| pair[0] < pair[1]) && times.iter().all(|time| time.is_finite());
+    at.require(
+        table,
+        !timed || (times.len() == path.len() && times[0] == 0.0 && rises),
+        "at_s needs a time for every point of path_m, rising from 0",
+        "write for example at_s = [0.0, 2.5, 4.0]",
     )?;
     at.require(table, positive(words.radius_m), "a person needs a radius_m above zero", "leave it out for 0.25 m")?;
     at.require(
@@ -234,6 +254,7 @@ fn read_person(at: &Source, table: &Spanned<PersonTable>) -> Result<Person, Worl
         yields_within_m: words.yields_within_m,
         pause_s: words.pause_s,
         phase: words.phase,
+        times_s: words.at_s.clone(),
     })
 }
 

@@ -24,10 +24,17 @@
 //! path_m = [[1.0, 5.0], [9.0, 5.0]]
 //! speed_m_s = 0.8
 //! yields_within_m = 0.5
+//! [[person]]
+//! path_m = [[1.0, 6.0], [9.0, 6.0]]
+//! course = "timed"                        # at each point at its time, whatever stands around
+//! at_s = [0.0, 6.5]
 //! [bitmap]
 //! file = "map.yaml"                       # map_server's format, relative to this file
 //! [barn]
 //! file = "grids.txt"
+//! world = 1
+//! [dynabarn]
+//! file = "worlds.txt"
 //! world = 1
 //! ```
 
@@ -50,6 +57,7 @@ pub(super) struct WorldFile {
     pub person: Vec<Spanned<PersonTable>>,
     pub bitmap: Option<Spanned<BitmapTable>>,
     pub barn: Option<Spanned<BarnTable>>,
+    pub dynabarn: Option<Spanned<BarnTable>>,
 }
 
 /// Where a robot starts. `spread_m` and `spread_deg` bound a deviation that is drawn from the seed.
@@ -124,7 +132,10 @@ pub(super) struct CircleTable {
 #[serde(deny_unknown_fields)]
 pub(super) struct PersonTable {
     pub path_m: Vec<Pair>,
+    #[serde(default)]
     pub speed_m_s: f64,
+    #[serde(default)]
+    pub at_s: Vec<f64>,
     #[serde(default = "adult_radius")]
     pub radius_m: f64,
     #[serde(default)]
@@ -144,7 +155,7 @@ pub(super) struct BitmapTable {
     pub rough: bool,
 }
 
-/// One of the BARN worlds.
+/// One of the BARN or DynaBARN worlds.
 #[derive(Debug, serde::Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct BarnTable {

@@ -34,6 +34,12 @@ impl Grid {
     pub fn new(low: Point, high: Point, segments: &[Segment], circles: &[Circle]) -> Grid {
         let (width, height) = ((high.x_m - low.x_m).max(CELL_M), (high.y_m - low.y_m).max(CELL_M));
         let cell_m = CELL_M.max((width * height / MAX_CELLS).sqrt()).max(width.max(height) / MAX_CELLS);
+        Grid::with_cells(cell_m, low, high, segments, circles)
+    }
+
+    /// A grid of cells of that edge [m].
+    pub fn with_cells(cell_m: f64, low: Point, high: Point, segments: &[Segment], circles: &[Circle]) -> Grid {
+        let (width, height) = ((high.x_m - low.x_m).max(CELL_M), (high.y_m - low.y_m).max(CELL_M));
         let columns = ((width / cell_m).floor() as i32).saturating_add(1);
         let rows = ((height / cell_m).floor() as i32).saturating_add(1);
         let (starts, entries) = (Vec::new(), Vec::new());

@@ -1,6 +1,7 @@
 //! What stands still: walls and posts, and the three questions that sensors and bodies ask of them.
 
 use super::grid::{Entry, Grid};
+use super::rays::Rays;
 use crate::geometry::{Circle, Cone, ConeHit, Placed, Point, Segment};
 
 /// A piece of surface and how it answers sound.
@@ -31,6 +32,7 @@ pub struct Map {
     low: Point,
     high: Point,
     grid: Grid,
+    rays: Rays,
 }
 
 /// A gap between a body and what is nearest to it.
@@ -73,9 +75,10 @@ impl Map {
             (low, high) = (Point::ZERO, Point::ZERO);
         }
         let grid = Grid::new(low, high, &segments, &circles);
+        let rays = Rays::new(low, high, &segments, &circles);
         let rough_segments = walls.iter().map(|wall| wall.rough).collect();
         let rough_circles = posts.iter().map(|post| post.rough).collect();
-        Map { segments, circles, rough_segments, rough_circles, low, high, grid }
+        Map { segments, circles, rough_segments, rough_circles, low, high, grid, rays }
     }
 
     /// Straight surfaces.
@@ -95,41 +98,7 @@ impl Map {
 
     /// Distance along a ray to the first surface, if one is nearer than `reach_m`. `direction` is a unit vector.
     pub fn cast(&self, origin: Point, direction: Point, reach_m: f64) -> Option<f64> {
-        let grid = &self.grid;
-        let (enter, leave) = self.crossing(origin, direction, reach_m)?;
-        let start = origin + direction * enter;
-        let (mut column, mut row) = (grid.column(start.x_m), grid.row(start.y_m));
-        let (step_x, mut next_x, each_x) = walk(origin.x_m - grid.low.x_m, direction.x_m, column, grid.cell_m);
-        let (step_y, mut next_y, each_y) = walk(origin.y_m - grid.low.y_m, direction.y_m, row, grid.cell_m);
-        let mut best = reach_m;
-        let mut met = false;
-        loop {
-            for entry in grid.cell(column, row) {
-                let hit = match entry {
-                    Entry::Segment(k) => self.segments[k].cast(origin, direction),
-                    Entry::Circle(k) => self.circles[k].cast(origin, direction),
-                };
-                if let Some(distance) = hit.filter(|distance| *distance <= best) {
-                    best = distance;
-                    met = true;
-                }
-            }
-            // Whatever lies in later cells is farther than where the ray leaves this one.
-            let until = next_x.min(next_y);
-            if best <= until || until > leave {
-                return met.then_some(best);
-            }
-            if next_x < next_y {
-                column += step_x;
-                next_x += each_x;
-            } else {
-                row += step_y;
-                next_y += each_y;
-            }
-            if column < 0 || row < 0 || column >= grid.columns || row >= grid.rows {
-                return met.then_some(best);
-            }
-        }
+        self.rays.cast(origin, direction, reach_m)
     }
 
     /// Hands every surface that a cone may meet within its reach to `hear`, with whether it is rough.
@@ -227,39 +196,6 @@ impl Map {
             }
         }
         best
-    }
-
-    /// Where a ray enters and leaves the grid, within `reach_m`.
-    fn crossing(&self, origin: Point, direction: Point, reach_m: f64) -> Option<(f64, f64)> {
-        let grid = &self.grid;
-        let high =
-            Point::new(grid.low.x_m + grid.columns as f64 * grid.cell_m, grid.low.y_m + grid.rows as f64 * grid.cell_m);
-        let (mut enter, mut leave) = (0.0_f64, reach_m);
-        for (at, along, low, high) in
-            [(origin.x_m, direction.x_m, grid.low.x_m, high.x_m), (origin.y_m, direction.y_m, grid.low.y_m, high.y_m)]
-        {
-            if along == 0.0 {
-                if at < low || at > high {
-                    return None;
-                }
-            } else {
-                let (one, two) = ((low - at) / along, (high - at) / along);
-                enter = enter.max(one.min(two));
-                leave = leave.min(one.max(two));
-            }
-        }
-        (enter <= leave).then_some((enter, leave))
-    }
-}
-
-/// One axis of a ray's walk through the cells: step, ray length at the next border, ray length per cell.
-fn walk(from: f64, along: f64, cell: i32, cell_m: f64) -> (i32, f64, f64) {
-    if along > 0.0 {
-        (1, ((cell + 1) as f64 * cell_m - from) / along, cell_m / along)
-    } else if along < 0.0 {
-        (-1, (cell as f64 * cell_m - from) / along, -cell_m / along)
-    } else {
-        (0, f64::INFINITY, f64::INFINITY)
     }
 }
 

@@ -1,17 +1,19 @@
 //! Worlds: what stands still, who walks about, where robots start.
 //!
 //! A world comes from a TOML file (its words are in [`file`]), from a map_server YAML with its picture, or from a
-//! BARN grids file (`grids.txt#17` chooses world 17).
+//! BARN grids file or a DynaBARN worlds file (`grids.txt#17` chooses world 17).
 
 mod barn;
 mod bitmap;
 mod build;
+mod dynabarn;
 mod error;
 mod file;
 mod grid;
 mod image;
 mod map;
 mod person;
+mod rays;
 #[cfg(test)]
 mod tests;
 
@@ -90,7 +92,10 @@ impl World {
                 let wanted = choice.map(str::parse).transpose().map_err(|_| {
                     WorldError::of_file(name, "what follows # is no number", "write for example grids.txt#1")
                 })?;
-                barn::add(&mut sketch, file, &bytes, wanted)?;
+                match dynabarn::is_one(&bytes) {
+                    true => dynabarn::add(&mut sketch, file, &bytes, wanted)?,
+                    false => barn::add(&mut sketch, file, &bytes, wanted)?,
+                }
             }
             _ => {
                 let remedy = "give a world (.toml), a map_server map (.yaml) or a BARN grid (.txt)";

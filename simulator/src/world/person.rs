@@ -1,6 +1,8 @@
 //! People: discs that walk along way-points at constant speed.
 //!
 //! A person walks from way-point to way-point, round and round or back and forth, and waits `pause_s` at the ends. One
+//! A timed one is at each way-point at a given time instead, whatever the speed, and begins anew at the last time;
+//! while something blocks the way, that person's clock stands still. One
 //! who yields stands still while a robot is ahead and nearer than `yields_within_m`: nobody steps into a machine that
 //! they see. One who does not yield walks on until touching it, and the contact counts as suffered.
 
@@ -15,6 +17,9 @@ pub enum Course {
     BackAndForth,
     /// On to the first way-point.
     Loop,
+    /// At each way-point at a given time, in a straight line between two; from the last one the person is back at the
+    /// first at once.
+    Timed,
 }
 
 /// Who walks where. Given by the world, never changed while it runs.
@@ -34,6 +39,8 @@ pub struct Person {
     pub pause_s: f64,
     /// Where on the path the person starts, as a share of one round; drawn from the seed when `None`.
     pub phase: Option<f64>,
+    /// When a timed person is at each way-point, strictly rising from zero; empty for others [s].
+    pub times_s: Vec<f64>,
 }
 
 /// Where a person is and how they move.
@@ -48,6 +55,10 @@ pub struct Walk {
     /// Walking the path backwards.
     returning: bool,
     waits_s: f64,
+    /// A timed person's time within the round [s].
+    clock_s: f64,
+    /// The person is somewhere else at once: a timed round began anew.
+    pub jumped: bool,
 }
 
 impl Person {
@@ -56,6 +67,7 @@ impl Person {
         let there: f64 = self.path.windows(2).map(|pair| (pair[1] - pair[0]).norm()).sum();
         match (self.course, self.path.first(), self.path.last()) {
             (Course::Loop, Some(first), Some(last)) => there + (*first - *last).norm(),
+            (Course::Timed, ..) => there,
             _ => 2.0 * there,
         }
     }
@@ -63,7 +75,20 @@ impl Person {
     /// The person at `phase` (0…1) of a round.
     pub fn start(&self, phase: f64) -> Walk {
         let disc = Circle::new(self.path.first().copied().unwrap_or_default(), self.radius_m);
-        let mut walk = Walk { disc, velocity: Point::ZERO, towards: 1, returning: false, waits_s: 0.0 };
+        let mut walk = Walk {
+            disc,
+            velocity: Point::ZERO,
+            towards: 1,
+            returning: false,
+            waits_s: 0.0,
+            clock_s: 0.0,
+            jumped: false,
+        };
+        if self.course == Course::Timed {
+            self.be_on_time(&mut walk, phase.clamp(0.0, 1.0) * self.period_s());
+            walk.jumped = false;
+            return walk;
+        }
         // No way is walked twice here: the pauses are left out, so that the phase is a share of the way.
         self.stroll(&mut walk, self.round_m() * phase.clamp(0.0, 1.0), 0.0);
         walk.velocity = self.wanted(&walk);
@@ -87,6 +112,10 @@ impl Person {
     /// The walk after another `dt_s`, if nothing is in the way.
     pub fn walked(&self, walk: &Walk, dt_s: f64) -> Walk {
         let mut next = *walk;
+        if self.course == Course::Timed {
+            self.be_on_time(&mut next, walk.clock_s + dt_s);
+            return next;
+        }
         if next.waits_s > 0.0 {
             next.waits_s = (next.waits_s - dt_s).max(0.0);
             next.velocity = Point::ZERO;
@@ -95,6 +124,25 @@ impl Person {
             next.velocity = if next.waits_s > 0.0 { Point::ZERO } else { self.wanted(&next) };
         }
         next
+    }
+
+    /// Length of a timed round [s].
+    fn period_s(&self) -> f64 {
+        self.times_s.last().copied().unwrap_or(0.0)
+    }
+
+    /// Puts a timed person where the timetable says for `clock_s`.
+    fn be_on_time(&self, walk: &mut Walk, clock_s: f64) {
+        let period_s = self.period_s();
+        walk.jumped = clock_s >= period_s && walk.clock_s < period_s;
+        walk.clock_s = if walk.jumped { clock_s - period_s } else { clock_s };
+        let after = self.times_s.iter().position(|time| *time > walk.clock_s).unwrap_or(self.times_s.len() - 1).max(1);
+        let (from_s, to_s) = (self.times_s[after - 1], self.times_s[after]);
+        let (from, to) = (self.path[after - 1], self.path[after]);
+        let share = ((walk.clock_s - from_s) / (to_s - from_s)).clamp(0.0, 1.0);
+        walk.towards = after;
+        walk.disc.centre = from + (to - from) * share;
+        walk.velocity = (to - from) * (1.0 / (to_s - from_s));
     }
 
     /// Moves along the path; stops early where a pause begins.
@@ -133,6 +181,8 @@ impl Person {
                 walk.towards = if walk.returning { walk.towards.saturating_sub(1) } else { walk.towards + 1 };
                 end
             }
+            // Goes by the clock, never by way-points.
+            Course::Timed => true,
         }
     }
 
@@ -158,6 +208,7 @@ mod tests {
             yields_within_m: None,
             pause_s: 0.0,
             phase: Some(0.0),
+            times_s: Vec::new(),
         }
     }
 

@@ -9,7 +9,7 @@ use drivers::p2os::model;
 use drivers::p2os::protocol::{Argument, COMMAND_SPACING_S, Framer, MAX_PACKET, Request, command, encode_command};
 use drivers::p2os::sip::Identity;
 use runtime::{Time, clock};
-use simulator::mcu::{Felt, Firmware, Flash, Mcu, Session};
+use simulator::mcu::{Felt, Firmware, Flash, Mcu, Session, Tops};
 
 /// Which Pioneer it is.
 const MODEL: &str = "p3dx-sh";
@@ -84,6 +84,7 @@ fn flash() -> Flash {
         rear_bumpers: 0,
         ticks_per_mm: 128,
         turn_rad_per_m: model.turn_rad_per_m,
+        tops: Tops::PIONEER,
     }
 }
 

@@ -1,0 +1,24 @@
+//! Hokuyo scanners that speak SCIP 2.0 (URG-04LX, UTM-30LX, UST-10LX and their relatives) over TCP, USB, a serial line or
+//! a pseudo-terminal.
+//!
+//! | file | what |
+//! |---|---|
+//! | [`protocol`], [`framer`] | lines, sums, numbers, scans |
+//! | [`model`] | figures of a scanner, and what its values mean |
+//! | [`clock`] | the scanner's time on ours |
+//! | [`session`] | start-up, streaming, recovery |
+//! | [`settings`], [`Urg`] | the node |
+//!
+//! All but the node is pure. `protocol` and `model` serve both ends: a simulated scanner uses the same files.
+
+pub mod clock;
+pub mod framer;
+pub mod model;
+mod node;
+mod phases;
+pub mod protocol;
+pub mod session;
+pub mod settings;
+
+pub use node::Urg;
+pub use settings::UrgConfig;

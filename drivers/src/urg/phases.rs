@@ -1,0 +1,352 @@
+//! The session's phases: what each reply and each time-out leads to.
+
+use super::clock::SensorClock;
+use super::model::Sensor;
+use super::protocol::{Area, Reply, Request, checked, decode, parse_scan, status};
+use super::session::{Demand, Event, Port, SessionConfig};
+use crate::laser::MAX_BEAMS;
+use messages::{Link, ScanBeam};
+use runtime::Time;
+
+/// Times that the scanner's clock is asked for.
+const CLOCK_QUESTIONS: u8 = 5;
+/// Misses after which the port is opened anew, unless there are more line rates to try before.
+const MISSES_PER_REOPEN: u32 = 5;
+/// Misses after which the next line rate is tried.
+const MISSES_PER_BAUD: u32 = 2;
+/// Time before a scanner that cannot be used, or said that it cannot measure, is asked again [s].
+const PAUSE_S: f64 = 5.0;
+
+/// Where the connection stands: which request waits for its answer.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Phase {
+    /// The port is not open.
+    Down,
+    /// QT: an earlier client's stream ends.
+    Quiet,
+    /// SCIP2.0: older scanners begin in SCIP 1.1.
+    Dialect,
+    /// VV.
+    Version,
+    /// PP.
+    Parameters,
+    /// SS.
+    Rate,
+    /// TM0.
+    ClockOn,
+    /// TM1 for the n-th time.
+    Clock(u8),
+    /// TM2.
+    ClockOff,
+    /// BM.
+    LaserOn,
+    /// MD or ME.
+    Stream,
+    /// Scans flow.
+    Running,
+    /// Nothing is asked for a while.
+    Pause,
+}
+
+/// All of a session but its framer, so that a message can be lent from there while this changes.
+#[derive(Debug, Clone)]
+pub struct Core {
+    config: SessionConfig,
+    pub phase: Phase,
+    pub port: Port,
+    pub link: Link,
+    pub sensor: Option<Sensor>,
+    pub clock: SensorClock,
+    pub status: u32,
+    pub is_faulty: bool,
+    pub connections: u32,
+    pub scans: u32,
+    pub damaged: u32,
+    pub demand: Option<Demand>,
+    pub skipped_before: u64,
+    /// What waits to be sent, and what was sent and is not answered.
+    waiting: Option<Request>,
+    asked: Option<Request>,
+    asked_at: Time,
+    deadline: Time,
+    last_scan: Time,
+    area: Area,
+    misses: u32,
+    heard: bool,
+    baud_index: usize,
+    line_baud: Option<u32>,
+    is_reopening: bool,
+    scratch: Vec<u8>,
+    values: Vec<(u32, u32)>,
+    beams: Vec<ScanBeam>,
+}
+
+impl Core {
+    /// In [`Phase::Down`].
+    pub fn new(config: SessionConfig) -> Core {
+        let line_baud = config.line_baud;
+        Core {
+            config,
+            phase: Phase::Down,
+            port: Port::Closed,
+            link: Link::Connecting,
+            sensor: None,
+            clock: SensorClock::default(),
+            status: 0,
+            is_faulty: false,
+            connections: 0,
+            scans: 0,
+            damaged: 0,
+            demand: None,
+            skipped_before: 0,
+            waiting: None,
+            asked: None,
+            asked_at: Time::ZERO,
+            deadline: Time::ZERO,
+            last_scan: Time::ZERO,
+            area: Area { start: 0, end: 0, cluster: 1 },
+            misses: 0,
+            heard: false,
+            baud_index: 0,
+            line_baud,
+            is_reopening: false,
+            scratch: Vec::with_capacity(MAX_BEAMS * 6),
+            values: Vec::with_capacity(MAX_BEAMS),
+            beams: Vec::with_capacity(MAX_BEAMS),
+        }
+    }
+
+    /// The port's state has changed.
+    pub fn port(&mut self, now: Time, port: Port, skipped: u64) {
+        let before = std::mem::replace(&mut self.port, port);
+        if let Port::Open(_) = port {
+            // A new link begins at the port's own rate.
+            (self.misses, self.baud_index, self.line_baud) = (0, 0, self.config.line_baud);
+            if !std::mem::take(&mut self.is_reopening) {
+                self.link = Link::Connecting;
+            }
+            return self.begin(now, skipped);
+        }
+        self.phase = Phase::Down;
+        (self.waiting, self.asked, self.is_faulty) = (None, None, false);
+        self.link = match (before, port) {
+            // We closed it ourselves: what was wrong still is.
+            (Port::Open(_), _) if self.is_reopening => self.link,
+            (Port::Open(_), _) => Link::Lost,
+            _ if self.link == Link::Lost => Link::Lost,
+            (_, Port::Closed) => {
+                self.is_reopening = false;
+                Link::NoPort
+            }
+            _ if self.is_reopening => self.link,
+            _ => Link::Connecting,
+        };
+    }
+
+    /// From the top.
+    fn begin(&mut self, now: Time, skipped: u64) {
+        (self.heard, self.skipped_before) = (false, skipped);
+        self.is_faulty = false;
+        self.clock.restart();
+        // The empty line ends what an earlier client may have left half-written.
+        self.ask(now, Phase::Quiet, Request::new(b"QT"));
+    }
+
+    fn ask(&mut self, now: Time, phase: Phase, request: Request) {
+        self.phase = phase;
+        (self.waiting, self.asked) = (Some(request), None);
+        self.deadline = now.after_s(self.config.answer_s);
+    }
+
+    fn pause(&mut self, now: Time, link: Link) {
+        self.phase = Phase::Pause;
+        (self.link, self.waiting, self.asked) = (link, None, None);
+        self.deadline = now.after_s(PAUSE_S);
+    }
+
+    pub fn next_request(&mut self, now: Time) -> Option<Request> {
+        let request = self.waiting.take()?;
+        (self.asked, self.asked_at) = (Some(request), now);
+        self.deadline = now.after_s(self.config.answer_s);
+        Some(request)
+    }
+
+    pub fn message(&mut self, now: Time, arrived: Time, message: &[u8], on_event: &mut impl FnMut(Event)) {
+        let reply = Reply::parse(message);
+        match (self.phase, reply) {
+            (Phase::Down | Phase::Pause, _) => {}
+            // In SCIP 1.1 statuses have no sum: whatever answers, it was heard.
+            (Phase::Quiet | Phase::Dialect, _) => {
+                let line = message.split(|byte| *byte == b'\n').next().unwrap_or_default();
+                if self.asked.is_some_and(|asked| asked.line() == line) {
+                    self.heard = true;
+                    self.next_question(now);
+                }
+            }
+            (_, Some(reply)) => match self.asked {
+                Some(asked) if reply.answers(asked.line()) => {
+                    self.heard = true;
+                    self.answer(now, arrived, &reply, on_event);
+                }
+                // A late scan of an earlier stream, or an answer to another client.
+                _ => {}
+            },
+            (_, None) => self.damaged = self.damaged.saturating_add(1),
+        }
+    }
+
+    /// Asks what comes after the present question.
+    fn next_question(&mut self, now: Time) {
+        match self.phase {
+            Phase::Quiet => self.ask(now, Phase::Dialect, Request::new(b"SCIP2.0")),
+            Phase::Dialect => self.ask(now, Phase::Version, Request::new(b"VV")),
+            Phase::Version => self.ask(now, Phase::Parameters, Request::new(b"PP")),
+            Phase::Parameters => match self.config.fast_baud {
+                Some(baud) if self.line_baud.is_some_and(|line| line != baud) => {
+                    self.ask(now, Phase::Rate, Request::baud(baud));
+                }
+                _ => self.ask(now, Phase::ClockOn, Request::new(b"TM0")),
+            },
+            Phase::Rate => self.ask(now, Phase::ClockOn, Request::new(b"TM0")),
+            Phase::ClockOn => self.ask(now, Phase::Clock(1), Request::new(b"TM1")),
+            Phase::Clock(n) if n < CLOCK_QUESTIONS => self.ask(now, Phase::Clock(n + 1), Request::new(b"TM1")),
+            Phase::Clock(_) => self.ask(now, Phase::ClockOff, Request::new(b"TM2")),
+            Phase::ClockOff => self.ask(now, Phase::LaserOn, Request::new(b"BM")),
+            Phase::LaserOn => self.ask_for_scans(now),
+            Phase::Down | Phase::Stream | Phase::Running | Phase::Pause => {}
+        }
+    }
+
+    fn ask_for_scans(&mut self, now: Time) {
+        let request = Request::stream(self.config.coding(), self.area, self.config.skip, 0);
+        self.ask(now, Phase::Stream, request);
+    }
+
+    fn answer(&mut self, now: Time, arrived: Time, reply: &Reply, on_event: &mut impl FnMut(Event)) {
+        let is_well = matches!(reply.status, status::OK | status::SCAN);
+        if !is_well && !matches!(self.phase, Phase::ClockOn | Phase::ClockOff | Phase::LaserOn) {
+            self.status = u32::from(u16::from_be_bytes(reply.status));
+        }
+        match self.phase {
+            Phase::Parameters => self.parameters(now, reply),
+            Phase::Rate => {
+                if is_well && let Some(baud) = self.config.fast_baud {
+                    self.line_baud = Some(baud);
+                    self.demand = Some(Demand::Baud(baud));
+                }
+                self.next_question(now);
+            }
+            // A scanner without this mode: its scans alone must do.
+            Phase::ClockOn if !is_well && reply.status != status::ALREADY => {
+                self.ask(now, Phase::LaserOn, Request::new(b"BM"));
+            }
+            Phase::Clock(_) => {
+                let stamp = reply.lines().next().and_then(checked).filter(|line| line.len() == 4).and_then(decode);
+                if let Some(stamp) = stamp {
+                    self.clock.synchronise(stamp, self.asked_at, arrived);
+                }
+                self.next_question(now);
+            }
+            Phase::LaserOn if !is_well && reply.status != status::ALREADY => {
+                self.status = u32::from(u16::from_be_bytes(reply.status));
+                self.fault(now);
+            }
+            Phase::Stream | Phase::Running => self.scan_or_status(now, arrived, reply, on_event),
+            _ => self.next_question(now),
+        }
+    }
+
+    fn parameters(&mut self, now: Time, reply: &Reply) {
+        self.sensor = Sensor::parse(reply);
+        match &self.sensor {
+            Some(sensor) if self.config.model.is_empty() || sensor.is(&self.config.model) => {
+                let (from_rad, to_rad) = self.config.between_rad;
+                self.area = sensor.area(from_rad, to_rad, self.config.cluster);
+                self.next_question(now);
+            }
+            // Another model, or one that measures nothing.
+            _ => self.pause(now, Link::Foreign),
+        }
+    }
+
+    fn scan_or_status(&mut self, now: Time, arrived: Time, reply: &Reply, on_event: &mut impl FnMut(Event)) {
+        let Some(sensor) = self.sensor else { return };
+        match reply.status {
+            status::OK => {
+                self.phase = Phase::Running;
+                (self.link, self.misses, self.last_scan) = (Link::Up, 0, now);
+                (self.status, self.is_faulty) = (0, false);
+                self.connections = self.connections.saturating_add(1);
+                on_event(Event::Connected(&sensor, self.area));
+            }
+            status::SCAN if self.phase == Phase::Running => {
+                self.values.resize(self.area.count(), (0, 0));
+                let coding = self.config.coding();
+                match parse_scan(reply.body, coding, &mut self.scratch, &mut self.values) {
+                    Ok(stamp) => {
+                        self.beams.clear();
+                        self.beams.extend(self.values.iter().map(|(value, intensity)| sensor.beam(*value, *intensity)));
+                        self.last_scan = now;
+                        self.scans = self.scans.saturating_add(1);
+                        self.is_faulty = false;
+                        let span_s = sensor.delay_s(self.area.end);
+                        let (begun, sensor_time_s) = self.clock.scan(stamp, arrived, span_s);
+                        let first_s = sensor.delay_s(self.area.start);
+                        on_event(Event::Scan(begun.after_s(first_s), sensor_time_s + first_s, &self.beams));
+                    }
+                    Err(_) => self.damaged = self.damaged.saturating_add(1),
+                }
+            }
+            status::SCAN => {}
+            status::LASER_OFF => self.ask(now, Phase::LaserOn, Request::new(b"BM")),
+            status::RESUMED => self.ask_for_scans(now),
+            // Stopped to verify itself: 98 follows, or a fault.
+            [b'2'..=b'4', _] => {
+                (self.is_faulty, self.last_scan) = (true, now);
+            }
+            [b'5'..=b'9', _] => self.fault(now),
+            // Our request is refused: something else than a SCIP 2.0 scanner.
+            _ => self.pause(now, Link::Foreign),
+        }
+    }
+
+    /// The scanner says that it cannot measure.
+    fn fault(&mut self, now: Time) {
+        self.pause(now, Link::Up);
+        self.is_faulty = true;
+    }
+
+    pub fn tick(&mut self, now: Time, junk: bool, skipped: u64) {
+        match self.phase {
+            Phase::Down => {}
+            Phase::Running if now.since(self.last_scan) > self.config.silence_s => {
+                self.link = Link::Silent;
+                self.begin(now, skipped);
+            }
+            Phase::Running => {}
+            Phase::Pause if now >= self.deadline => self.begin(now, skipped),
+            // Some scanners answer QT only in SCIP 2.0.
+            Phase::Quiet if now >= self.deadline => self.next_question(now),
+            _ if now >= self.deadline && self.phase != Phase::Pause => self.miss(now, junk, skipped),
+            _ => {}
+        }
+    }
+
+    /// An answer did not come.
+    fn miss(&mut self, now: Time, junk: bool, skipped: u64) {
+        self.misses = self.misses.saturating_add(1);
+        // Junk alone: something else lives there.
+        self.link = if junk && !self.heard { Link::Foreign } else { Link::Silent };
+        let rates = self.config.hunt_bauds.len() as u32;
+        if self.misses.is_multiple_of(MISSES_PER_REOPEN.max((rates + 1) * MISSES_PER_BAUD)) {
+            self.is_reopening = true;
+            self.demand = Some(Demand::Reopen);
+        } else if self.misses.is_multiple_of(MISSES_PER_BAUD) && !self.config.hunt_bauds.is_empty() {
+            self.baud_index = (self.baud_index + 1) % self.config.hunt_bauds.len();
+            let baud = self.config.hunt_bauds[self.baud_index];
+            self.line_baud = Some(baud);
+            self.demand = Some(Demand::Baud(baud));
+        }
+        self.begin(now, skipped);
+    }
+}
