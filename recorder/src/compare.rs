@@ -124,7 +124,14 @@ pub(crate) struct Compared<'a> {
 struct Path {
     counts: PathComparison,
     /// Both sides of every sample, kept from the first difference on, and the ones before as identical.
-    pairs: Vec<(Time, Vec<u8>, Vec<u8>, Vec<u8>, Vec<u8>)>,
+    pairs: Vec<Pair>,
+}
+
+/// One sample as it was recorded and as it is replayed: fixed part and tail.
+struct Pair {
+    at: Time,
+    recorded: (Vec<u8>, Vec<u8>),
+    replayed: (Vec<u8>, Vec<u8>),
 }
 
 /// Pairs kept per path for the statistics.
@@ -208,9 +215,9 @@ impl<'a> Compared<'a> {
             false => entry.counts.different += 1,
         }
         if entry.pairs.len() < MOST_PAIRS {
-            let at = Time::from_nanos(sample.stamp_ns);
-            let (recorded, tail_recorded) = (recorded_fixed.to_vec(), recorded_tail.to_vec());
-            entry.pairs.push((at, recorded, tail_recorded, fixed.to_vec(), tail.to_vec()));
+            let recorded = (recorded_fixed.to_vec(), recorded_tail.to_vec());
+            let replayed = (fixed.to_vec(), tail.to_vec());
+            entry.pairs.push(Pair { at: Time::from_nanos(sample.stamp_ns), recorded, replayed });
         }
         same
     }
@@ -240,8 +247,9 @@ impl<'a> Compared<'a> {
                 && let Some(held) = self.channels.get(&path)
             {
                 let mut fields = Fields::default();
-                for (at, fixed, tail, new_fixed, new_tail) in &entry.pairs {
-                    let (one, other) = (held.schema.to_json(fixed, tail), held.schema.to_json(new_fixed, new_tail));
+                for Pair { at, recorded, replayed } in &entry.pairs {
+                    let one = held.schema.to_json(&recorded.0, &recorded.1);
+                    let other = held.schema.to_json(&replayed.0, &replayed.1);
                     fields.add(at.seconds(), String::new(), &one, &other);
                 }
                 (counts.fields, counts.series) = fields.finish(&path);

@@ -47,11 +47,11 @@ impl Layout {
     pub(crate) fn encode(&self, sample: &RawSample, fixed: &[u8], tail: &[u8], into: &mut Cdr) {
         into.clear();
         into.u64(sample.stamp_ns).u64(sample.sequence).u64(sample.generation).raw(fixed);
-        if self.tail_element_bytes > 0 {
+        if let Some(elements) = tail.len().checked_div(self.tail_element_bytes) {
             if self.has_reserved() {
                 into.u32(0);
             }
-            into.u32((tail.len() / self.tail_element_bytes * self.parts_per_element) as u32).raw(tail);
+            into.u32((elements * self.parts_per_element) as u32).raw(tail);
         }
     }
 

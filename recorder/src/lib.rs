@@ -10,7 +10,7 @@
 //! | `exact`, `definition` | a sample as CDR and back; its ROS 2 definition |
 //! | `ros`, `cdr` | copies as messages of sensor_msgs, nav_msgs, geometry_msgs |
 //! | `facts` | what a file says about its run: robot file, seed, build, resources |
-//! | `writer`, `taps`, `live` | from a robot's rings into a file |
+//! | `writer`, `sink`, `taps`, `live` | from a robot's rings into a file |
 //! | `reader`, `records` | from a file, whole or cut off |
 //! | `info`, `recover`, `play` | what is in it; saving what is left of it; the paths come alive |
 //! | `replay`, `compare`, `difference` | nodes do their recorded steps again, and are compared |
@@ -32,6 +32,7 @@ mod records;
 pub mod recover;
 pub mod replay;
 pub mod ros;
+mod sink;
 mod taps;
 mod writer;
 

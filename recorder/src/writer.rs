@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::fs::File;
-use std::io::{self, BufWriter, Seek, SeekFrom, Write};
+use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -17,6 +17,7 @@ use crate::error::RecordError;
 use crate::exact::Layout;
 use crate::facts::{FILES, Facts, METADATA, ROBOT_FILE};
 use crate::ros::{self, Copier, RosType};
+use crate::sink::Sink;
 
 /// A chunk ends when it is this old on the file's clock [ns].
 const CHUNK_NS: u64 = 1_000_000_000;
@@ -54,34 +55,6 @@ pub struct RecordingWriter {
     cdr: Cdr,
 }
 
-/// A file that counts its bytes and is only ever appended to.
-struct Sink {
-    file: BufWriter<File>,
-    written: Arc<AtomicU64>,
-}
-
-impl Write for Sink {
-    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        let count = self.file.write(bytes)?;
-        self.written.fetch_add(count as u64, Ordering::Relaxed);
-        Ok(count)
-    }
-
-    fn flush(&mut self) -> io::Result<()> {
-        self.file.flush()
-    }
-}
-
-impl Seek for Sink {
-    /// The writer is told not to seek; it asks where it is.
-    fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
-        match to {
-            SeekFrom::Current(0) => Ok(self.written.load(Ordering::Relaxed)),
-            _ => Err(io::Error::from(io::ErrorKind::Unsupported)),
-        }
-    }
-}
-
 impl RecordingWriter {
     /// A new recording in `file`, which must not exist yet, unless it is a device.
     pub fn create(file: &Path, facts: &Facts) -> Result<RecordingWriter, RecordError> {
@@ -95,14 +68,14 @@ impl RecordingWriter {
         }
         let opened = File::options().write(true).create(true).truncate(false).open(file).map_err(create)?;
         let written = Arc::new(AtomicU64::new(0));
-        let sink = Sink { file: BufWriter::with_capacity(1 << 18, opened), written: written.clone() };
+        let sink = Sink::new(opened, written.clone()).map_err(create)?;
         let options = mcap::WriteOptions::new()
             .profile("ros2")
             .library(format!("sinew {}", env!("CARGO_PKG_VERSION")))
             .compression(Some(mcap::Compression::Lz4))
             .chunk_size(Some(CHUNK_BYTES))
             .disable_seeking(true);
-        let failed = |error| failure(file, &written, error);
+        let failed = |error| failure(file, 0, error);
         let mut out = options.create(sink).map_err(failed)?;
         out.write_metadata(&mcap::records::Metadata { name: METADATA.into(), metadata: facts.to_metadata() })
             .map_err(failed)?;
@@ -123,7 +96,7 @@ impl RecordingWriter {
         })
     }
 
-    /// Bytes that have gone to the file.
+    /// Bytes that were handed to the disk.
     pub fn written_bytes(&self) -> u64 {
         self.written.load(Ordering::Relaxed)
     }
@@ -222,9 +195,11 @@ impl RecordingWriter {
     /// Writes the index. Without it the file can be read all the same, after `sinew recover`.
     pub fn finish(mut self) -> Result<u64, RecordError> {
         self.checked(|out| out.finish().map(drop))?;
-        let RecordingWriter { out, file, written, .. } = self;
-        out.into_inner().flush().map_err(|e| failure(&file, &written, e.into()))?;
-        Ok(written.load(Ordering::Relaxed))
+        let RecordingWriter { out, file, .. } = self;
+        let sink = out.into_inner();
+        let written = sink.written();
+        sink.close().map_err(|e| failure(&file, written, e.into()))?;
+        Ok(written)
     }
 
     /// The copy's channel, made when the first copy comes.
@@ -262,7 +237,7 @@ impl RecordingWriter {
         &mut self,
         act: impl FnOnce(&mut mcap::Writer<Sink>) -> mcap::McapResult<T>,
     ) -> Result<T, RecordError> {
-        act(&mut self.out).map_err(|error| failure(&self.file, &self.written, error))
+        act(&mut self.out).map_err(|error| failure(&self.file, self.written.load(Ordering::Relaxed), error))
     }
 
     fn unusable(&self, path: &str, error: &SchemaError) -> RecordError {
@@ -289,12 +264,12 @@ fn attach(out: &mut mcap::Writer<Sink>, name: &str, bytes: &[u8], ns: u64) -> mc
     })
 }
 
-fn failure(file: &Path, written: &AtomicU64, error: mcap::McapError) -> RecordError {
+fn failure(file: &Path, written_bytes: u64, error: mcap::McapError) -> RecordError {
     match error {
         mcap::McapError::Io(error)
             if matches!(error.kind(), io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded) =>
         {
-            RecordError::DiskFull { file: file.to_owned(), written_bytes: written.load(Ordering::Relaxed) }
+            RecordError::DiskFull { file: file.to_owned(), written_bytes }
         }
         error => RecordError::Write { file: file.to_owned(), reason: error.to_string() },
     }

@@ -299,7 +299,7 @@ fn what_a_recording_says_about_its_run_comes_back() {
     let again = recording.facts().robot(support::TYPES).unwrap();
     assert_eq!(again.resources.read("world.toml").unwrap(), b"walls = []");
     assert!(again.resources.read("other.toml").unwrap_err().contains("the recording holds no file"));
-    assert_eq!(again.nodes.len(), 3);
+    assert_eq!(again.nodes.len(), 4);
 }
 
 #[test]
@@ -309,7 +309,7 @@ fn a_whole_run_is_told_with_its_counts() {
     record(&file, 1.0, 5, &mut |_, _, _| true);
     let told = info(&file).unwrap();
     assert_eq!((told.robot.as_str(), told.host.as_str(), told.seed, told.missing), ("toy", "simulated", 5, 0));
-    assert_eq!(told.replayable, ["/drivers/adder", "/perception/mean", "/simulator/source"]);
+    assert_eq!(told.replayable, ["/drivers/adder", "/perception/mean", "/simulator/source", "/tasks/boss"]);
     assert_eq!(told.damage, None);
     let mean = told.topics.iter().find(|topic| topic.topic == "/perception/mean/mean").unwrap();
     let copy = told.topics.iter().find(|topic| topic.topic == "/ros/perception/mean/mean").unwrap();

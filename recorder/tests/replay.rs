@@ -9,10 +9,31 @@ use runtime::robot::Override;
 use std::path::Path;
 use support::{TYPES, record, robot};
 
-const NODES: [&str; 3] = ["/simulator/source", "/drivers/adder", "/perception/mean"];
+const NODES: [&str; 4] = ["/simulator/source", "/drivers/adder", "/perception/mean", "/tasks/boss"];
 
 fn replayed(file: &Path, node: &str) -> NodeComparison {
     replay(file, &robot(), node).unwrap()
+}
+
+/// What the boss saw of its orders, each state once: idle, running, answered, failed, cancelled, lost.
+fn states_of_orders(file: &Path) -> Vec<u8> {
+    let mut states = std::collections::BTreeSet::new();
+    recorder::Recording::open(file)
+        .unwrap()
+        .read(&mut |item| {
+            if let recorder::Item::Sample { channel, fixed, .. } = item
+                && channel.topic == "/tasks/boss/state"
+            {
+                let twist: messages::Twist = messages::bytemuck::pod_read_unaligned(fixed);
+                states.insert(match twist.linear_x_m_s {
+                    answered if answered > 1000.0 => 3,
+                    failed if failed > 10.0 => 4,
+                    state => state as u8,
+                });
+            }
+        })
+        .unwrap();
+    states.into_iter().collect()
 }
 
 #[test]
@@ -26,6 +47,11 @@ fn every_node_gives_its_recorded_bytes_again_through_calls_device_bytes_and_a_de
         assert_eq!((comparison.not_replayable, comparison.unproven), (0, 0), "{comparison:#?}");
         assert_eq!(comparison.lives, if node == "/drivers/adder" { 2 } else { 1 });
     }
+    assert_eq!(
+        states_of_orders(&file),
+        [0, 2, 3, 4, 5, 6],
+        "every way but pending: a request releases its step at once"
+    );
     let adder = replayed(&file, "/drivers/adder");
     assert!(adder.identical_steps > 150 && adder.paths[0].identical > 100, "{adder:#?}");
 }

@@ -5,11 +5,12 @@ use std::path::Path;
 
 use messages::{Done, Odometry, Switch, Twist};
 use recorder::{Facts, RecordingWriter};
-use runtime::calls::LocalRequest;
+use runtime::calls::{CallState, LocalRequest, Order};
 use runtime::channel::{RawSample, ReadError, SampleBuffer};
 use runtime::robot::{Resources, Robot};
 use runtime::{
-    CallPort, Device, Fault, Layer, Node, NodeType, OpenError, Ports, Reader, Set, SimulatedHost, Time, Writer,
+    CallPort, Caller, Device, Fault, Layer, Node, NodeType, OpenError, OrderPort, Ports, Reader, Set, SimulatedHost,
+    Time, Writer,
 };
 use schemars::JsonSchema;
 use serde::Deserialize;
@@ -27,6 +28,8 @@ struct Adder {
     paused: bool,
     device: Device,
     pause: CallPort<Switch, Done>,
+    count: OrderPort<Switch, Done, Done>,
+    counting: Option<(Order<Switch, Done, Done>, u64)>,
     out: Writer<Twist>,
 }
 
@@ -37,7 +40,15 @@ impl Node for Adder {
 
     fn open(ports: &mut Ports, _: Config) -> Result<Self, OpenError> {
         let device = ports.device("simulator")?;
-        Ok(Adder { sum: 0.0, paused: false, device, pause: ports.call("pause")?, out: ports.writer("sum")? })
+        Ok(Adder {
+            sum: 0.0,
+            paused: false,
+            device,
+            pause: ports.call("pause")?,
+            count: ports.order("count")?,
+            counting: None,
+            out: ports.writer("sum")?,
+        })
     }
 
     fn step(&mut self, now: Time) -> Result<(), Fault> {
@@ -46,6 +57,19 @@ impl Node for Adder {
             match request.message.on {
                 2.. => self.pause.refuse(request, "on is 0 or 1"),
                 _ => self.pause.answer(request, &Done { at_ns: now.nanos() }),
+            }
+        }
+        while let Some(mut order) = self.count.take() {
+            order.accept();
+            self.counting = Some((order, 0));
+        }
+        if let Some((mut order, steps)) = self.counting.take() {
+            order.progress(&Done { at_ns: steps });
+            match (order.is_cancelled(), steps) {
+                (true, _) => order.cancelled(),
+                (false, 6) if order.message.on == 3 => order.failed("three is too much"),
+                (false, 6) => order.done(&Done { at_ns: now.nanos() }),
+                _ => self.counting = Some((order, steps + 1)),
             }
         }
         let mut bytes = [0; 7];
@@ -92,6 +116,47 @@ impl Node for Source {
     }
 }
 
+/// Orders the adder to count, again and again, sometimes cancels, and writes down how each order stands.
+struct Boss {
+    orders: u64,
+    count: Caller<Switch, Done>,
+    out: Writer<Twist>,
+}
+
+impl Node for Boss {
+    const TYPE: &'static str = "boss";
+    const LAYER: Layer = Layer::Tasks;
+    type Config = Config;
+
+    fn open(ports: &mut Ports, _: Config) -> Result<Self, OpenError> {
+        Ok(Boss { orders: 0, count: ports.caller("count")?.with_progress::<Done>(), out: ports.writer("state")? })
+    }
+
+    fn step(&mut self, now: Time) -> Result<(), Fault> {
+        let state = match self.count.poll(now) {
+            CallState::Idle => {
+                self.orders += 1;
+                self.count.start(now, &Switch { on: self.orders % 5 }, 1, 0.2);
+                0.0
+            }
+            CallState::Pending => 1.0,
+            CallState::Running => 2.0,
+            CallState::Answered(done) => 3.0 + done.at_ns as f64,
+            CallState::Refused(reason) | CallState::Failed(reason) => 4.0 + reason.as_str().len() as f64,
+            CallState::Cancelled => 5.0,
+            CallState::Lost(_) => 6.0,
+            CallState::TimedOut => 7.0,
+        };
+        let progress = self.count.progress::<Done>().map_or(-1.0, |done| done.at_ns as f64);
+        if self.orders.is_multiple_of(4) && progress == 2.0 {
+            self.count.cancel();
+        }
+        let twist = Twist { linear_x_m_s: state, linear_y_m_s: progress, angular_z_rad_s: self.orders as f64 };
+        self.out.write(now, &twist);
+        Ok(())
+    }
+}
+
 /// Takes every sum once, in order, looks at the newest of a set, and back in history.
 struct Mean {
     gain: f64,
@@ -131,7 +196,8 @@ impl Node for Mean {
     }
 }
 
-pub const TYPES: &[NodeType] = &[NodeType::of::<Adder>(), NodeType::of::<Source>(), NodeType::of::<Mean>()];
+pub const TYPES: &[NodeType] =
+    &[NodeType::of::<Adder>(), NodeType::of::<Source>(), NodeType::of::<Mean>(), NodeType::of::<Boss>()];
 
 pub const TOY: &str = r#"
 [robot]
@@ -148,6 +214,10 @@ type = "mean"
 period_ms = 20
 reads.sums = ["/drivers/none/sum", "/drivers/adder/sum"]
 reads.all = "/drivers/*/sum"
+[nodes.boss]
+type = "boss"
+period_ms = 3
+calls.count = "/drivers/adder count"
 "#;
 
 pub fn robot() -> Robot {
