@@ -15,6 +15,7 @@ use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use crate::claim::Claim;
 use crate::control::{Control, StopHandle};
 use crate::event::{Action, Event, Incident, IncidentKind};
+use crate::exit::Exit;
 use crate::incidents::{Journal, Record};
 use crate::observer::{Guarded, Outcome, Report, StopCause};
 use crate::policy::Policy;
@@ -130,6 +131,22 @@ impl Host<'_> {
                     Action::Terminate { node } => self.with_process(node, Process::terminate),
                     Action::Kill { node } => self.with_process(node, Process::kill),
                     Action::Notify(incident) => self.record(incident),
+                    Action::StartStandby { node, .. } => {
+                        events.push_back(Event::StandbyDied { node, exit: Exit::NotStarted(libc::ENOSYS) });
+                    }
+                    Action::Promote { node } => {
+                        events.push_back(Event::Died { node, exit: Exit::NotStarted(libc::ENOSYS) });
+                    }
+                    Action::Execute { ticket, .. } | Action::Await { ticket, .. } => {
+                        events.push_back(Event::Outcome { ticket, success: false });
+                    }
+                    Action::KillStandby { .. }
+                    | Action::Revert { .. }
+                    | Action::Reprioritise { .. }
+                    | Action::Heal { .. }
+                    | Action::Hold { .. }
+                    | Action::Limp { .. }
+                    | Action::Stop { .. } => {}
                     Action::Done => self.done = true,
                 }
             }

@@ -23,6 +23,7 @@
 //! `<node>.previous.log` and `incidents.jsonl` (a [`Record`] per line).
 
 mod backoff;
+mod care;
 mod claim;
 mod control;
 mod event;
@@ -30,6 +31,7 @@ mod exit;
 mod folders;
 mod host;
 mod incidents;
+mod ladder;
 mod leftovers;
 mod logs;
 mod observer;
@@ -38,8 +40,10 @@ mod plan;
 mod policy;
 mod proc;
 mod processes;
+mod reactions;
 mod rule;
 mod run;
+mod severity;
 mod signals;
 mod slot;
 mod state;
@@ -47,9 +51,10 @@ mod status;
 mod wall;
 
 pub use backoff::{Backoff, Intensity};
+pub use care::{Act, Care, Condition, Group, Reaction, Strategy, Supervision};
 pub use claim::ClaimError;
 pub use control::{ControlError, StopHandle, ask, down};
-pub use event::{Action, Event, Incident, IncidentKind, Next};
+pub use event::{Action, Event, Incident, IncidentKind, Next, Request};
 pub use exit::Exit;
 pub use incidents::{Record, describe};
 pub use logs::log_folder;
@@ -60,4 +65,5 @@ pub use policy::Policy;
 pub use rule::{Restart, Rule};
 pub use run::{SuperviseError, run, run_prepared};
 pub use state::{NodeState, RobotState};
+pub use severity::{Cause, CauseKind, Clear, Severity};
 pub use status::{NodeStatus, Status};
