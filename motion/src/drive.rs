@@ -4,7 +4,8 @@
 //! (optional: a ranger that is asked while the whole set is silent), `base` (bumpers, stalls, readiness) and `odometry`
 //! (optional: to carry what was seen to now). Writes `command` and `state`.
 //!
-//! In this order: nothing or a stale velocity is zero; greatest speeds; barred directions after a bump or a stall; the
+//! The stop latch stands above all: while it does not allow motion, zero is sent at once, and no power is wanted.
+//! Otherwise, in this order: nothing or a stale velocity is zero; greatest speeds; barred directions after a bump or a stall; the
 //! blind cap where no ranger looks; the stop zone along the swept footprint ([`crate::zone`]); ramps. Whatever is
 //! missing makes the result slower, never faster.
 
@@ -12,7 +13,7 @@ use crate::footprint::Velocity;
 use crate::obstacles::Obstacles;
 use crate::safe_motion::{SafeMotion, Surroundings};
 use messages::{BaseState, Command, MotionState, Odometry, Ranges, Twist};
-use runtime::{Fault, Layer, Node, OpenError, Ports, Reader, Set, Time, Writer};
+use runtime::{Fault, Layer, Node, OpenError, Ports, Reader, Set, StopLatch, Time, Writer};
 use schemars::JsonSchema;
 use serde::Deserialize;
 
@@ -92,6 +93,7 @@ pub struct Drive {
     odometry: Reader<Odometry>,
     command: Writer<Command>,
     state: Writer<MotionState>,
+    latch: StopLatch,
     obstacles: Obstacles,
     /// Tells whether the set of ranges is another than at the last step.
     fingerprint: Fingerprint,
@@ -116,6 +118,7 @@ impl Node for Drive {
             odometry: ports.optional_reader("odometry")?,
             command: ports.writer("command")?,
             state: ports.writer("state")?,
+            latch: ports.stop_latch(),
             obstacles: Obstacles::new(config.capacity, config.horizon_m),
             fingerprint: Fingerprint::default(),
             last_step: None,
@@ -134,11 +137,13 @@ impl Node for Drive {
         let base = self.base.fresh(now).map(|base| *base.message);
         let (points, seen) = self.obstacles.carried(now, measured, self.ranges.max_age_s());
         let surroundings = Surroundings { points, seen };
-        let state = self.safe.decide(now, dt_s, wanted, base.as_ref(), &surroundings);
+        let moves = self.latch.allows_motion();
+        let decided = self.safe.decide(now, dt_s, wanted.filter(|_| moves), base.as_ref(), &surroundings);
+        let state = if moves { decided } else { self.safe.halt(decided) };
         let command = Command {
             velocity: state.sent,
             valid_for_s: self.config.command_valid_s,
-            enable: u64::from(self.config.enable_motors),
+            enable: u64::from(self.config.enable_motors && moves),
         };
         self.command.write(now, &command);
         self.state.write(now, &state);

@@ -17,6 +17,7 @@ pub mod robot;
 pub mod schedule;
 mod simulated;
 mod statistics;
+mod stop;
 mod sys;
 mod time;
 
@@ -28,5 +29,7 @@ pub use path::Layer;
 pub use ports::{Declaration, PortKind, Ports, Reader, Sample, Set, Writer};
 pub use robot::Body;
 pub use simulated::{ExecutionModel, SimulatedHost, Stepped};
+pub use stop::{Keepsake, StopLatch, StopSource};
+pub use guard::Will;
 pub use statistics::{Statistics, StepTimes};
 pub use time::Time;

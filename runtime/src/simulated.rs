@@ -12,10 +12,13 @@ use crate::node::OpenError;
 use crate::ports::{Devices, Input};
 use crate::pump::PumpBuilder;
 use crate::robot::{NodeSpec, Robot, open_declared};
+use crate::stop::{Keepsake, LatchPlace};
 use crate::time::Time;
+use guard::Word;
 use messages::NodeStatistics;
 use rand_core::{Rng, SeedableRng};
 use rand_pcg::Pcg64Mcg;
+use std::cell::Cell;
 use std::rc::Rc;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -54,6 +57,10 @@ pub struct SimulatedHost {
     slots: Vec<Slot>,
     /// For each node the nodes that its samples may release.
     listeners: Vec<Vec<usize>>,
+    /// The stop latch, as the host was told.
+    latch: Rc<Cell<Word>>,
+    /// What dead nodes have left their successors.
+    keepsakes: Vec<Keepsake>,
 }
 
 /// One node's place; the node itself may be dead.
@@ -106,6 +113,8 @@ impl SimulatedHost {
             now: start,
             slots: Vec::new(),
             listeners: Vec::new(),
+            latch: Rc::default(),
+            keepsakes: robot.nodes.iter().map(|_| Keepsake::default()).collect(),
         };
         host.links.set_now(start);
         for (index, spec) in robot.nodes.iter().enumerate() {
@@ -143,6 +152,8 @@ impl SimulatedHost {
     fn open(&self, index: usize) -> Result<Running, OpenError> {
         let spec = &self.slots[index].spec;
         let opened = open_declared(&self.robot, spec, self.seed, Devices::Memory(self.links.clone()))?;
+        *opened.ports.latch.place.borrow_mut() = LatchPlace::Simulated(self.latch.clone());
+        opened.ports.keepsake.share(&self.keepsakes[index]);
         // A node that starts later keeps to the grid of the run.
         Ok(Running::new(opened, spec, next_on_grid(self.now, spec.period_ns)))
     }
@@ -215,6 +226,11 @@ impl SimulatedHost {
     /// The device links, to inject faults into.
     pub fn links(&self) -> &MemoryLinks {
         &self.links
+    }
+
+    /// Sets the stop latch, as a guard does on a live robot. Nodes see it in their next step.
+    pub fn set_latch(&mut self, state: guard::latch::State) {
+        self.latch.set(self.latch.get().changed_to(state));
     }
 
     /// Calls a node from beside the nodes, as `sinew call` does on a live robot.

@@ -34,6 +34,11 @@ impl Word {
         Word(epoch << 2 | state as u32)
     }
 
+    /// The word after a change to `state`.
+    pub fn changed_to(self, state: State) -> Word {
+        Word::new(self.epoch().wrapping_add(1), state)
+    }
+
     /// Count of changes.
     pub fn epoch(self) -> u32 {
         self.0 >> 2

@@ -62,12 +62,6 @@ impl Table {
     }
 }
 
-impl Default for Line {
-    fn default() -> Line {
-        Line::local()
-    }
-}
-
 impl Line {
     /// A line of this process alone.
     pub fn local() -> Line {
