@@ -305,7 +305,8 @@ impl NodeThread {
             let thread = rustix::thread::gettid().as_raw_nonzero().get() as u32;
             line.begin(std::process::id(), thread, (limit_s * 1e9) as u64);
         }
-        let (pump, step_watch, told, guard) = spawn_pump(&mut opened.ports, spec, robot, options, notifier).map_err(fail)?;
+        let (pump, step_watch, told, guard) =
+            spawn_pump(&mut opened.ports, spec, robot, options, notifier).map_err(fail)?;
         let grants = realtime::apply(&robot.realtime, spec.priority, &spec.path());
         let _ = told.set(grants.clone());
         let start = clock::now();

@@ -62,11 +62,6 @@ impl BeatWatch {
         BeatWatch { watched, looked: None }
     }
 
-    /// Whether there is anything to watch.
-    pub fn is_empty(&self) -> bool {
-        self.watched.is_empty()
-    }
-
     /// Looks at all lines at `now`, which was meant to be `meant_s` after the last look. `process` tells a node's
     /// process, if it has one.
     pub fn look(
@@ -101,7 +96,8 @@ impl BeatWatch {
             watched.told = missed;
             let account = account(pid, tid);
             let before = *watched.before.get_or_insert((account.unwrap_or(UNKNOWN), now));
-            let starved = missed > 1 && is_starved(before.0, account, now.since(before.1), witnesses.stalled_s(before.1, now));
+            let starved =
+                missed > 1 && is_starved(before.0, account, now.since(before.1), witnesses.stalled_s(before.1, now));
             events.push(Event::Missed { node: watched.node, beats: missed, starved });
         }
     }

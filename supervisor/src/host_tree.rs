@@ -6,9 +6,9 @@ use std::os::fd::BorrowedFd;
 use std::path::PathBuf;
 
 use guard::latch::State;
-use guard::{Client, Word};
-use runtime::clock::{self, wall_seconds};
+use guard::{Client, Line, Phase, Word};
 use runtime::Time;
+use runtime::clock::{self, wall_seconds};
 
 use crate::beats::BeatWatch;
 use crate::event::Event;
@@ -40,6 +40,8 @@ pub(crate) struct InTree {
     pub log_folder: Option<PathBuf>,
     /// The root or the front is gone, and that is known.
     pub orphaned: bool,
+    /// The supervisor's own heartbeat, which the guard looks at.
+    pub own: Option<Line>,
 }
 
 impl InTree {
@@ -131,6 +133,9 @@ impl Host<'_> {
             return;
         }
         inside.next_look = now.after_s(LOOK_S);
+        if let Some(own) = &inside.own {
+            own.beat(now.nanos(), Phase::Waiting);
+        }
         let mut events = Vec::new();
         let slots = &self.slots;
         let process = |node: usize| slots[node].process.as_ref().and(slots[node].pid);

@@ -118,7 +118,9 @@ impl Launcher {
         let pid = Pid::from_raw(pid.as_raw()).ok_or(Errno::SRCH)?;
         // Until it is reaped the pid stays taken, even if the process has ended already.
         match process::pidfd_open(pid, PidfdFlags::empty()) {
-            Ok(descriptor) => Ok(Process { pid, descriptor, ready: ready.map(|(read, _)| read), reaped: false, own: true }),
+            Ok(descriptor) => {
+                Ok(Process { pid, descriptor, ready: ready.map(|(read, _)| read), reaped: false, own: true })
+            }
             Err(error) => {
                 let _ = process::kill_process(pid, Signal::KILL);
                 let _ = process::waitpid(Some(pid), process::WaitOptions::empty());

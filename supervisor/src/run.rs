@@ -43,7 +43,9 @@ pub enum SuperviseError {
     #[error("{0}")]
     Fill(String),
     /// The process tree ended without saying how.
-    #[error("the process tree of the robot ended unexpectedly ({0}); its nodes stop by themselves; `sinew logs` may say why")]
+    #[error(
+        "the process tree of the robot ended unexpectedly ({0}); its nodes stop by themselves; `sinew logs` may say why"
+    )]
     Lost(String),
     /// The system refused something that every run needs.
     #[error("cannot {what}: {error}")]

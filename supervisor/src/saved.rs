@@ -52,7 +52,13 @@ impl Saved {
             started_ns: 0,
             state: "alive".to_owned(),
         };
-        Saved { begun_ns: 0, takeovers: 0, stopping: None, interrupts: 0, nodes: plan.programs.iter().map(node).collect() }
+        Saved {
+            begun_ns: 0,
+            takeovers: 0,
+            stopping: None,
+            interrupts: 0,
+            nodes: plan.programs.iter().map(node).collect(),
+        }
     }
 }
 
@@ -73,7 +79,9 @@ impl Keeper {
                 let saved = loaded.bytes.map(|bytes| serde_json::from_slice(&bytes));
                 match saved.transpose() {
                     Ok(saved) => Ok((keeper, saved, loaded.refused)),
-                    Err(error) => Ok((keeper, None, Some(format!("the supervisor's state is not understood: {error}")))),
+                    Err(error) => {
+                        Ok((keeper, None, Some(format!("the supervisor's state is not understood: {error}"))))
+                    }
                 }
             }
             Err(damaged @ StateError::Damaged(_)) => {

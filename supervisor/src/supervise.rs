@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 use std::fs;
 use std::os::fd::OwnedFd;
 
-use guard::Client;
+use guard::{Client, Phase, SUPERVISOR_LINE};
 use runtime::clock;
 
 use crate::beats::{BEATS_PER_LIMIT, BeatWatch};
@@ -65,7 +65,10 @@ pub fn supervise(plan: Plan) -> Result<(), SuperviseError> {
     let takeovers = tree.saved.as_ref().map_or(0, |saved| saved.takeovers + 1);
     let mut host = Host {
         slots,
-        policy: Policy::supervising(Supervision { nodes: plan.programs.iter().map(care).collect(), ..Supervision::default() }),
+        policy: Policy::supervising(Supervision {
+            nodes: plan.programs.iter().map(care).collect(),
+            ..Supervision::default()
+        }),
         control,
         signals,
         stop: None,
@@ -88,6 +91,7 @@ pub fn supervise(plan: Plan) -> Result<(), SuperviseError> {
             takeovers,
             log_folder: log_folder.map(ToOwned::to_owned),
             orphaned: false,
+            own: tree.table.line(SUPERVISOR_LINE),
             tree,
         }),
         claim,
@@ -101,9 +105,16 @@ pub fn supervise(plan: Plan) -> Result<(), SuperviseError> {
     if takeovers > 0 {
         host.tell_of_robot("takeover", format!("supervisor {takeovers} before this one has died; all nodes go on"));
     }
+    let own = host.inside.as_ref().and_then(|inside| inside.own);
+    if let Some(own) = own {
+        own.begin(std::process::id(), 0, 0);
+    }
     // The guard watches this process, too, and is told when it ends in order by its end.
     let attached = Client::connect(host.claim.root()).ok().filter(|guard| guard.attach("supervisor").is_ok());
     host.run();
+    if let Some(own) = own {
+        own.beat(clock::now().nanos(), Phase::Ended);
+    }
     drop(attached);
     let outcome = finish(host)?;
     tell(&told, &Telling::Over(Box::new(outcome)));

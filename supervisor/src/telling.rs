@@ -109,7 +109,9 @@ pub fn hear<T: for<'de> Deserialize<'de>>(socket: &OwnedFd) -> Heard<T> {
     let mut packet = vec![0; PACKET_BYTES];
     match recv(socket, &mut packet[..], RecvFlags::DONTWAIT) {
         Ok((0, _)) => Heard::Gone,
-        Ok((length, _)) => serde_json::from_slice(&packet[..length.min(PACKET_BYTES)]).map_or(Heard::Nothing, Heard::Some),
+        Ok((length, _)) => {
+            serde_json::from_slice(&packet[..length.min(PACKET_BYTES)]).map_or(Heard::Nothing, Heard::Some)
+        }
         Err(rustix::io::Errno::AGAIN | rustix::io::Errno::INTR) => Heard::Nothing,
         Err(_) => Heard::Gone,
     }

@@ -58,7 +58,8 @@ impl Tree {
     /// Adopts what the root holds; refused outside a tree.
     pub fn adopt() -> Result<(Tree, Control), SuperviseError> {
         let lost = |what: &'static str| system(what);
-        let take = |number| inherited(number).map_err(lost("find the process tree; supervisors are started by `sinew run`"));
+        let take =
+            |number| inherited(number).map_err(lost("find the process tree; supervisors are started by `sinew run`"));
         let state = take(fds::STATE)?;
         let latch_memory = take(fds::LATCH)?;
         let table_memory = take(fds::TABLE)?;
@@ -67,14 +68,14 @@ impl Tree {
         let root = take(fds::ROOT)?;
         let latch = LatchPage::map(&latch_memory).map_err(lost("map the stop latch"))?;
         let table = Table::map(&table_memory).map_err(lost("map the table of heartbeats"))?;
-        let (keeper, saved, flaw) =
-            Keeper::open(state).map_err(|error| SuperviseError::Fill(error.to_string()))?;
+        let (keeper, saved, flaw) = Keeper::open(state).map_err(|error| SuperviseError::Fill(error.to_string()))?;
         let flags = rustix::fs::OFlags::RDONLY | rustix::fs::OFlags::CLOEXEC;
         let path = format!("/proc/self/fd/{}", fds::LATCH);
         let latch_memory = rustix::fs::open(path, flags, rustix::fs::Mode::empty()).unwrap_or(latch_memory);
         for descriptor in [&table_memory, &front, &root] {
             // Nodes get what is theirs under other numbers.
-            rustix::io::fcntl_setfd(descriptor, rustix::io::FdFlags::CLOEXEC).map_err(|e| lost("keep a descriptor")(e.into()))?;
+            rustix::io::fcntl_setfd(descriptor, rustix::io::FdFlags::CLOEXEC)
+                .map_err(|e| lost("keep a descriptor")(e.into()))?;
         }
         Ok((Tree { keeper, saved, flaw, latch, latch_memory, table, table_memory, front, root }, control))
     }
@@ -121,9 +122,11 @@ fn make(
     let socket = claim.root().join(guard::SOCKET);
     let guard = listen(&socket).map_err(system("listen for the guard"))?;
     // Anyone may stop a robot.
-    fs::set_permissions(&socket, fs::Permissions::from_mode(0o666)).map_err(system("open the guard's socket to all"))?;
+    fs::set_permissions(&socket, fs::Permissions::from_mode(0o666))
+        .map_err(system("open the guard's socket to all"))?;
     let control = Control::listen(claim.root()).map_err(system("listen for requests"))?;
-    let own = Pid::from_raw(claim.owner().pid).ok_or_else(|| system("name this process")(io::ErrorKind::NotFound.into()))?;
+    let own =
+        Pid::from_raw(claim.owner().pid).ok_or_else(|| system("name this process")(io::ErrorKind::NotFound.into()))?;
     let root = pidfd_open(own, PidfdFlags::empty()).map_err(|error| system("watch the root")(error.into()))?;
     claim.outlive_exec().map_err(system("keep the lock"))?;
     let _ = rustix::process::setsid();

@@ -271,7 +271,10 @@ mod tests {
     #[test]
     fn reading_commands_take_json() {
         let command = CommandLine::command();
-        for name in ["ls", "cat", "hz", "call", "logs", "check", "graph", "doctor", "simulate", "bench", "estop", "reset", "resume"] {
+        for name in [
+            "ls", "cat", "hz", "call", "logs", "check", "graph", "doctor", "simulate", "bench", "estop", "reset",
+            "resume",
+        ] {
             let found = command.find_subcommand(name).expect("it is a command");
             assert!(found.get_arguments().any(|a| a.get_long() == Some("json")), "{name} has no --json");
         }

@@ -54,6 +54,7 @@ pub fn stop_reason(motion: &MotionState) -> Option<&'static str> {
         4 => Some("bumper"),
         5 => Some("wheel stalled"),
         6 => Some("base not ready"),
+        7 => Some("stop latch"),
         _ => Some("unknown reason"),
     }
 }

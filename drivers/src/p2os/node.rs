@@ -26,8 +26,8 @@
 
 use super::base::Base;
 use super::drive::{WireVelocity, quantize};
-use super::paths::Paths;
 use super::heritage::Heritage;
+use super::paths::Paths;
 use super::protocol::{Argument, HALT_PACKETS, LAST_WILL, MAX_PACKET, STOP_PACKETS, command, flag};
 use super::session::{Demand, Port, Session};
 use super::settings::P2osConfig;

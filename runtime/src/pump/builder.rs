@@ -145,7 +145,13 @@ impl PumpBuilder {
                 return Err(PumpError::AttachedTwice(format!("device {}", wire.address)));
             }
             let notify = told(&self.notifier, Arrival::Device);
-            parts.push(Box::new(device::LiveDevice::new(wire, notify, Arc::clone(&self.log), waker.clone(), self.guard.clone())));
+            parts.push(Box::new(device::LiveDevice::new(
+                wire,
+                notify,
+                Arc::clone(&self.log),
+                waker.clone(),
+                self.guard.clone(),
+            )));
         }
         for stage in &self.stages {
             if !stage.attach(waker.clone()) {

@@ -17,6 +17,7 @@ use crate::fds;
 use crate::latch::{Event, Latch, Refused, State};
 use crate::latch_page::{LatchPage, SOURCES, Word};
 use crate::sys;
+use crate::table::{Line, Phase, SUPERVISOR_LINE, Table};
 use crate::wills::Wills;
 use crate::wire::{PACKET_BYTES, Request, parse};
 
@@ -27,6 +28,12 @@ const MOST_VISITORS: usize = 16;
 const OBEY_WITHIN_NS: u64 = 150_000_000;
 /// When the root is dead, drivers have so long to stop by themselves [ns].
 const ORPHANED_NS: u64 = 3_000_000_000;
+/// A supervisor that has not beaten for so long hangs: it is killed, and the root starts another [ns].
+const SUPERVISOR_SILENT_NS: u64 = 1_000_000_000;
+/// How often it is looked at [ns].
+const LOOK_NS: u64 = 100_000_000;
+/// The name under which the supervisor attaches.
+pub const SUPERVISOR: &[u8] = b"supervisor";
 /// The highest priority of the robot: what the guard does takes microseconds.
 const PRIORITY: i32 = 98;
 
@@ -42,6 +49,15 @@ struct Peer {
     uid: u32,
 }
 
+/// The supervisor's heartbeat.
+struct Beating {
+    token: u64,
+    beats: u64,
+    /// Looks in a row at which it stood still. The guard's own lateness makes the looks fewer, so it blames nobody.
+    still: u64,
+    next_ns: u64,
+}
+
 struct Keeper {
     listener: OwnedFd,
     root: Option<OwnedFd>,
@@ -55,6 +71,8 @@ struct Keeper {
     peers: [Option<Peer>; MOST_CONNECTIONS],
     tokens: u64,
     orphaned_ns: Option<u64>,
+    supervisor: Option<Beating>,
+    line: Option<Line>,
     own_uid: u32,
 }
 
@@ -79,6 +97,8 @@ pub fn run() -> ! {
         peers: [const { None }; MOST_CONNECTIONS],
         tokens: 0,
         orphaned_ns: None,
+        supervisor: None,
+        line: sys::inherited(fds::TABLE).ok().and_then(|memfd| Table::map(memfd).ok()?.line(SUPERVISOR_LINE)),
         own_uid: rustix::process::geteuid().as_raw(),
     };
     // A guard that died between writing a source and the word has a stop to make good.
@@ -95,6 +115,7 @@ impl Keeper {
         let now = now_ns();
         let mut until = self.wills.advance(now);
         until = earlier(until, self.press_on(now));
+        until = earlier(until, self.look_at_supervisor(now));
         if let Some(since) = self.orphaned_ns {
             until = earlier(until, self.wind_up(now, since));
         }
@@ -137,6 +158,24 @@ impl Keeper {
             kill(&self.peers, owner);
         }
         Some(now + OBEY_WITHIN_NS)
+    }
+
+    /// Kills a supervisor that hangs; when to look again [ns].
+    fn look_at_supervisor(&mut self, now: u64) -> Option<u64> {
+        let line = self.line?;
+        let beating = self.supervisor.as_mut()?;
+        if now < beating.next_ns {
+            return Some(beating.next_ns);
+        }
+        beating.next_ns = now + LOOK_NS;
+        let beats = line.beats();
+        let stands = beats == beating.beats && matches!(line.phase(), Phase::Waiting | Phase::Stepping);
+        (beating.beats, beating.still) = (beats, if stands { beating.still + 1 } else { 0 });
+        if beating.still * LOOK_NS >= SUPERVISOR_SILENT_NS {
+            beating.still = 0;
+            kill(&self.peers, beating.token);
+        }
+        Some(beating.next_ns)
     }
 
     /// The root is dead: ends when every device is stopped.
@@ -220,6 +259,9 @@ impl Keeper {
     /// The process of a peer is dead.
     fn bury(&mut self, index: usize, now: u64) {
         if let Some(peer) = self.peers[index].take() {
+            if self.supervisor.as_ref().is_some_and(|beating| beating.token == peer.token) {
+                self.supervisor = None;
+            }
             self.wills.died(peer.token, now);
             self.wills.advance(now);
         }
@@ -282,7 +324,7 @@ impl Keeper {
             }
             Some(Request::Reset) => self.obey_person(index, Event::Reset, now),
             Some(Request::Resume) => self.obey_person(index, Event::Resume, now),
-            Some(Request::Attach { .. }) => self.attach(index),
+            Some(Request::Attach { node }) => self.attach(index, node, now),
             Some(Request::Will { address, repeat, spacing_us, bytes }) if attached => {
                 if let Some(device) = descriptor {
                     self.wills.take(token, address, bytes, repeat, spacing_us, device);
@@ -309,8 +351,11 @@ impl Keeper {
         }
     }
 
-    fn attach(&mut self, index: usize) {
+    fn attach(&mut self, index: usize, node: &[u8], now: u64) {
         let Some(peer) = self.peers[index].as_mut() else { return };
+        if node == SUPERVISOR {
+            self.supervisor = Some(Beating { token: peer.token, beats: 0, still: 0, next_ns: now + LOOK_NS });
+        }
         let pid = rustix::process::Pid::from_raw(peer.pid as i32);
         match pid.map(|pid| pidfd_open(pid, PidfdFlags::empty())) {
             Some(Ok(process)) => peer.process = Some(process),

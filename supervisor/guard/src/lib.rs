@@ -30,8 +30,8 @@ pub use client::{Answer, Client, ClientError, SOCKET, ask};
 pub use latch_page::{LatchPage, SourceInfo, Word};
 pub use memory::{Words, make_memfd};
 pub use state_file::{Loaded, StateError, StateFile};
-pub use sys::{become_program, exit_of, inherited, is_reaped, place};
-pub use table::{KEPT_BYTES, LINES, Line, Phase, Table};
+pub use sys::{become_program, exit_of, inherited, place};
+pub use table::{KEPT_BYTES, LINES, Line, Phase, SUPERVISOR_LINE, Table};
 pub use wire::{Kept, Will};
 
 use std::ffi::OsString;

@@ -7,7 +7,7 @@ use std::ffi::{CString, OsString};
 use std::os::unix::ffi::OsStrExt;
 use std::process::exit;
 
-use rustix::process::{Pid, Signal, WaitOptions, kill_process, set_child_subreaper, waitpid};
+use rustix::process::{Pid, Signal, WaitOptions, kill_process, set_child_subreaper, wait, waitpid};
 use rustix::time::{ClockId, clock_gettime};
 
 use crate::sys::{self, Program, Waiting};
@@ -66,8 +66,14 @@ pub fn run(arguments: &[OsString]) -> ! {
 
 /// Buries whoever has died; one signal may stand for several deaths.
 fn reap(guard: &mut Child, supervisor: &mut Child) {
-    while let Ok(Some((pid, status))) = waitpid(None, WaitOptions::NOHANG) {
-        if Some(pid) == supervisor.pid {
+    // Any child: nodes that come home lead groups of their own.
+    while let Ok(Some((pid, status))) = wait(WaitOptions::NOHANG | WaitOptions::UNTRACED) {
+        if status.stopped() {
+            // A stopped guard or supervisor is as good as none. Nodes are the supervisor's affair.
+            if Some(pid) == supervisor.pid || Some(pid) == guard.pid {
+                let _ = kill_process(pid, Signal::KILL);
+            }
+        } else if Some(pid) == supervisor.pid {
             match status.exit_status() {
                 Some(DONE) => end(guard, 0),
                 _ => supervisor.start_again(),

@@ -152,22 +152,13 @@ pub fn place(descriptor: BorrowedFd<'_>, number: RawFd) -> io::Result<()> {
     }
 }
 
-fn information(process: impl AsFd) -> Option<libc::pidfd_info> {
+/// The wait status of a process that somebody else has reaped (Linux 6.15; `None` before, or while it is not reaped).
+pub fn exit_of(process: impl AsFd) -> Option<i32> {
     // SAFETY: all-zero is a valid value of a structure of numbers; the kernel writes at most its size.
     unsafe {
         let mut info: libc::pidfd_info = std::mem::zeroed();
         info.mask = u64::from(libc::PIDFD_INFO_EXIT);
         let got = libc::ioctl(process.as_fd().as_raw_fd(), libc::PIDFD_GET_INFO, &mut info);
-        (got == 0 && info.mask & u64::from(libc::PIDFD_INFO_EXIT) != 0).then_some(info)
+        (got == 0 && info.mask & u64::from(libc::PIDFD_INFO_EXIT) != 0).then_some(info.exit_code)
     }
-}
-
-/// The wait status of a process that somebody else has reaped (Linux 6.15; `None` before, or while it is not reaped).
-pub fn exit_of(process: impl AsFd) -> Option<i32> {
-    information(process).map(|info| info.exit_code)
-}
-
-/// Whether the process has been reaped.
-pub fn is_reaped(process: impl AsFd) -> bool {
-    information(process).is_some()
 }

@@ -11,6 +11,8 @@ use crate::state_file::crc32;
 
 /// Lines of a table.
 pub const LINES: usize = 128;
+/// The line of the supervisor itself, which the guard looks at.
+pub const SUPERVISOR_LINE: usize = LINES - 1;
 /// Words of a line.
 const LINE_WORDS: usize = 32;
 /// Most bytes of a keepsake.

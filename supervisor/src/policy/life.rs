@@ -132,14 +132,7 @@ impl Policy {
     }
 
     /// Ends those who share the fate of `node`; `delay_s` until they start again, `None` if they are given up.
-    fn stop_group_of(
-        &mut self,
-        now: Time,
-        group: usize,
-        node: usize,
-        delay_s: Option<f64>,
-        actions: &mut Vec<Action>,
-    ) {
+    fn stop_group_of(&mut self, now: Time, group: usize, node: usize, delay_s: Option<f64>, actions: &mut Vec<Action>) {
         let fate = &self.fates[group].group;
         let place = fate.members.iter().position(|&member| member == node).unwrap_or(0);
         let first = if fate.strategy == Strategy::OneForAll { 0 } else { place };

@@ -20,9 +20,10 @@ impl Policy {
                 let stops = "a cause of the emergency stop is still there";
                 return (!self.ladder.may_reset()).then(|| stops.to_owned());
             }
-            Request::Start { node } | Request::Stop { node } | Request::Restart { node } | Request::Replace { node } => {
-                node
-            }
+            Request::Start { node }
+            | Request::Stop { node }
+            | Request::Restart { node }
+            | Request::Replace { node } => node,
         };
         let Some(unit) = self.units.get(node) else { return Some("there is no such node".to_owned()) };
         use NodeState::*;
@@ -30,10 +31,9 @@ impl Policy {
             (Request::Start { .. }, state) => !state.is_alive(),
             (Request::Stop { .. }, Stopped | Ended { .. } | GivenUp | Unkillable) => false,
             (Request::Restart { .. }, Unkillable) => false,
-            (Request::Replace { .. }, Running { .. }) => !matches!(
-                unit.standby,
-                Standby::Starting { other: true } | Standby::Ready { other: true }
-            ),
+            (Request::Replace { .. }, Running { .. }) => {
+                !matches!(unit.standby, Standby::Starting { other: true } | Standby::Ready { other: true })
+            }
             (Request::Replace { .. }, _) => false,
             _ => true,
         };
@@ -43,9 +43,10 @@ impl Policy {
     pub(super) fn call(&mut self, now: Time, request: Request, actions: &mut Vec<Action>) {
         let node = match request {
             Request::Reset => 0,
-            Request::Start { node } | Request::Stop { node } | Request::Restart { node } | Request::Replace { node } => {
-                node
-            }
+            Request::Start { node }
+            | Request::Stop { node }
+            | Request::Restart { node }
+            | Request::Replace { node } => node,
         };
         if node >= self.units.len() {
             return;

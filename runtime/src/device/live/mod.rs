@@ -35,7 +35,13 @@ enum Source {
 
 impl LiveDevice {
     /// Runs `wire`; `notify` tells the step of bytes and of changes of the link, `log` tells people of the latter.
-    pub fn new(wire: Arc<Wire>, notify: Box<dyn Fn() + Send>, log: Log, waker: Waker, guard: Option<Arc<GuardLine>>) -> LiveDevice {
+    pub fn new(
+        wire: Arc<Wire>,
+        notify: Box<dyn Fn() + Send>,
+        log: Log,
+        waker: Waker,
+        guard: Option<Arc<GuardLine>>,
+    ) -> LiveDevice {
         let source = match (wire.side, &wire.address) {
             (Side::Client, _) => Source::Client(Client::new(waker, guard)),
             (Side::Server, Address::Pty { .. }) => Source::ServePty(ServePty::new()),
