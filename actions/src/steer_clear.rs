@@ -4,11 +4,12 @@
 //!
 //! - Each packet in which some sector has M > 1 ([`crate::sectors`]) asks for one small turn (3°) away from the
 //!   strongest of them: a turn rate that expires with the packet. Never a computed large turn.
-//! - A packet brings new readings of a few discs only. What they show beside the way is acted upon once: between two
-//!   jambs the packets of the left and of the right discs take turns, and the robot wiggles through.
-//! - While something is straight ahead every packet turns, and the turn leads into what is on that side: there the sums
-//!   of force left and right decide. The side is kept, unless the other has become clearly the freer one, and that not
-//!   over and over: a corner would hold the robot by turning it to and fro.
+//! - A packet brings new readings of a few discs only, and what they show beside the way is acted upon once. Where the
+//!   turn away from one side leads towards a further problem on the other, the sums of force left and right are compared,
+//!   over what is acted upon; where they balance, as between two jambs, it goes straight on.
+//! - While something is straight ahead every packet turns, to the side with the smaller sum of all forces. That side is
+//!   kept, unless the other has become clearly the freer one, and that not over and over: a corner would hold the robot
+//!   by turning it to and fro.
 //! - Blocked all round: a small turning reverse. So too when the small turns do not help: the readings stay as they are,
 //!   which without odometry says that the robot does, or a full circle's worth of turns has not freed the way. Each
 //!   further try is longer and of another kind ([`crate::escape`]), until the way has been free for a while.
@@ -35,6 +36,10 @@ pub struct SteerClearConfig {
     pub sectors: Vec<Sector>,
     /// Sectors whose middle is within this angle are straight ahead [rad].
     pub ahead_rad: f64,
+    /// Sums of force left and right that differ by no more than this balance.
+    pub balance: f64,
+    /// A reading no older than this is new in its packet [s].
+    pub renewed_s: f64,
     /// The side that is being turned to is given up when its sum of force exceeds the other's by more than this.
     pub switch_excess: f64,
     /// How often it is given up before the way has been free for a while.
@@ -68,6 +73,8 @@ impl Default for SteerClearConfig {
             b_per_m: 1.0,
             sectors,
             ahead_rad: 20.0 * deg,
+            balance: 0.05,
+            renewed_s: 0.05,
             switch_excess: 1.5,
             most_switches: 2,
             turn_per_packet_rad: 3.0 * deg,
@@ -202,7 +209,7 @@ pub fn steer(beams: &[Beam], config: &SteerClearConfig, memory: &mut Memory) -> 
         };
         proposal.turn = way_out.side.map_or(Axis::NONE, turn);
         proposal.urgency = 1.0;
-    } else if let Some(side) = sees.away(memory.kept) {
+    } else if let Some(side) = sees.away(memory.kept, config.balance) {
         proposal.turn = turn(side);
         if sees.ahead && memory.escape.holds() {
             proposal.forward = no_forward;
@@ -214,8 +221,8 @@ pub fn steer(beams: &[Beam], config: &SteerClearConfig, memory: &mut Memory) -> 
 /// What is known after one packet.
 #[derive(Debug, Clone, Copy)]
 struct Sight {
-    /// Side of the strongest sector with M > 1 among those that this packet renewed.
-    renewed: Option<Side>,
+    /// Whether this packet renewed a sector that is acted upon.
+    renewed: bool,
     /// Whether some sector on the left, on the right, straight ahead is acted upon.
     left: bool,
     right: bool,
@@ -232,7 +239,7 @@ struct Sight {
 impl Sight {
     fn of(forces: &Forces, config: &SteerClearConfig) -> Sight {
         let mut sight = Sight {
-            renewed: None,
+            renewed: false,
             left: false,
             right: false,
             ahead: false,
@@ -242,7 +249,6 @@ impl Sight {
             left_all: 0.0,
             right_all: 0.0,
         };
-        let mut greatest = 1.0;
         for (k, sector) in config.sectors.iter().enumerate().take(forces.count) {
             let side = if sector.middle_rad() >= 0.0 { Side::Left } else { Side::Right };
             let (acts, force) = (forces.acts(k), forces.force[k]);
@@ -258,10 +264,7 @@ impl Sight {
             *any = true;
             *sum += force;
             sight.ahead |= sector.middle_rad().abs() <= config.ahead_rad;
-            if force > greatest && forces.age_s[k] <= 0.5 * config.packet_s {
-                greatest = force;
-                sight.renewed = Some(side);
-            }
+            sight.renewed |= forces.age_s[k] <= config.renewed_s;
         }
         sight
     }
@@ -281,8 +284,16 @@ impl Sight {
     }
 
     /// The side to turn to, if at all.
-    fn away(&self, kept: Option<Side>) -> Option<Side> {
-        if self.ahead { kept.or(Some(self.roomier())) } else { self.renewed.map(Side::other) }
+    fn away(&self, kept: Option<Side>, balance: f64) -> Option<Side> {
+        if self.ahead {
+            return kept.or(Some(self.roomier()));
+        }
+        let difference = self.left_sum - self.right_sum;
+        let balanced = self.left && self.right && difference.abs() <= balance;
+        if !self.renewed || balanced {
+            return None;
+        }
+        Some(if difference > 0.0 { Side::Right } else { Side::Left })
     }
 }
 
@@ -298,7 +309,7 @@ impl Memory {
             self.kept = self.kept.map(Side::other);
             self.switches += 1;
         } else {
-            self.kept = if sees.ahead { sees.away(self.kept) } else { None };
+            self.kept = if sees.ahead { sees.away(self.kept, config.balance) } else { None };
         }
         let boxed_in = sees.blocked && sees.acts();
         let side = self.kept.unwrap_or(sees.roomier());
@@ -380,17 +391,20 @@ mod tests {
     }
 
     #[test]
-    fn between_jambs_the_packets_of_either_side_take_turns() {
+    fn between_jambs_it_goes_straight_on_where_the_forces_balance_and_else_turns_to_the_freer_side() {
+        let mut memory = Memory::default();
+        assert_eq!(turn_of(with(&[(0, 0.10), (7, 0.13)]), &mut memory), 0.0);
+        assert!(turn_of(with(&[(0, 0.08), (1, 0.2), (7, 0.10)]), &mut memory) < 0.0);
+        assert!(turn_of(with(&[(0, 0.10), (6, 0.2), (7, 0.08)]), &mut memory) > 0.0);
+    }
+
+    #[test]
+    fn what_stands_beside_the_way_is_acted_upon_once_per_reading() {
+        let mut jamb = beams(with(&[(1, 0.2)]));
         let (config, mut memory) = (SteerClearConfig::default(), Memory::default());
-        let mut jambs = beams(with(&[(0, 0.10), (1, 0.15), (6, 0.15), (7, 0.12)]));
-        let mut turns = Vec::new();
-        for renewed in [[0, 1], [2, 3], [6, 7]] {
-            jambs.iter_mut().for_each(|beam| beam.age_s = 0.2);
-            renewed.into_iter().for_each(|disc| jambs[disc].age_s = 0.0);
-            let turn = steer(&jambs, &config, &mut memory).0.turn;
-            turns.push(if turn == Axis::NONE { 0.0 } else { turn.value.signum() });
-        }
-        assert_eq!(turns, [-1.0, 0.0, 1.0]);
+        assert!(steer(&jamb, &config, &mut memory).0.turn.value < 0.0);
+        jamb.iter_mut().for_each(|beam| beam.age_s = 0.1);
+        assert_eq!(steer(&jamb, &config, &mut memory).0.turn, Axis::NONE);
     }
 
     #[test]

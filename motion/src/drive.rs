@@ -68,7 +68,7 @@ impl Default for DriveConfig {
             creep_m_s: 0.05,
             creep_margin_m: 0.015,
             side_margin_m: 0.01,
-            speed_margin_m: 0.02,
+            speed_margin_m: 0.01,
             turn_margin_m: 0.015,
             cut_corners_m: 0.0,
             looks_max_age_s: 0.6,

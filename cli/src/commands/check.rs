@@ -49,10 +49,14 @@ pub fn run(args: Args, types: &[NodeType]) -> Result<(), Failure> {
         let mut value = as_json(&robot, &graph);
         value["ok"] = Value::Bool(true);
         value["errors"] = json!([]);
+        value["warnings"] = graph.warnings.iter().map(error_json).collect();
         out.json(&value)?;
         return out.flush();
     }
     out.table(&table(&graph))?;
+    for warning in &graph.warnings {
+        out.line(format!("\n{}: {warning}", out.paint.tone(Tone::Warn, "warning")))?;
+    }
     let good = out.paint.tone(Tone::Good, "ok");
     let (nodes, wires) = (count(graph.nodes.len(), "node"), count(graph.edges.len(), "wire"));
     out.line(format!("\n{good}: {} ({}), {nodes}, {wires}", robot.name, robot.file))?;

@@ -43,7 +43,10 @@ pub fn run(args: Args, types: &[NodeType]) -> Result<(), Failure> {
     let length_s = args.length.as_deref().map(crate::output::parse_seconds).transpose();
     let length_s = length_s.map_err(|reason| Failure::new(USAGE, reason))?;
     let robot = load::robot(args.robot.as_deref(), &args.changes, types)?;
-    robot.graph().map_err(load::errors)?;
+    let graph = robot.graph().map_err(load::errors)?;
+    for warning in &graph.warnings {
+        eprintln!("warning: {warning}");
+    }
     warn_of_refused_real_time(&robot);
     let stop = StopHandle::new()?;
     let (reports, inbox) = mpsc::channel();

@@ -40,6 +40,17 @@ fn an_error_in_a_robot_file_has_its_place_and_the_nearest_word() {
 }
 
 #[test]
+fn a_pattern_that_matches_nothing_is_allowed_and_named() {
+    let place = Place::new("check-warning");
+    let text = "[robot]\nname = \"x\"\n[nodes.a]\ntype = \"arbiter\"\nperiod_ms = 100\nreads.proposals = \"/actions/*/propsal\"\n";
+    let file = robot_file(&place, "robot.toml", text);
+    let said = place.sinew(&["check", &file]);
+    assert_eq!(said.code, Some(0), "{said:?}");
+    assert!(said.out.contains(&format!("warning: {file}:6:")) && said.out.contains("/actions/*/propsal"), "{said:?}");
+    assert_eq!(place.sinew(&["check", &file, "--json"]).json()[0]["warnings"][0]["line"].as_u64(), Some(6));
+}
+
+#[test]
 fn a_missing_robot_says_what_to_give() {
     let place = Place::new("check-missing");
     let said = place.sinew(&["check", "nowhere/at/all"]);

@@ -17,6 +17,8 @@ pub struct Graph {
     pub nodes: Vec<GraphNode>,
     /// Every wire from a written path to a read port.
     pub edges: Vec<GraphEdge>,
+    /// What is allowed but probably not meant: a pattern that nobody's path matches yet.
+    pub warnings: Vec<RobotError>,
 }
 
 /// A node and its declarations.
@@ -98,11 +100,26 @@ impl Robot {
         if !errors.is_empty() {
             return Err(errors);
         }
-        let mut edges = Vec::new();
+        let (mut edges, mut warnings) = (Vec::new(), Vec::new());
         for (to, node) in nodes.iter().enumerate() {
             self.check_node(&nodes, to, node, &mut edges, &mut errors);
+            self.warn_of_empty_sets(&nodes, &node.spec, &mut warnings);
         }
-        if errors.is_empty() { Ok(Graph { nodes, edges }) } else { Err(errors) }
+        if errors.is_empty() { Ok(Graph { nodes, edges, warnings }) } else { Err(errors) }
+    }
+
+    /// Names the patterns that match no path of this robot: members may come later, a slip of the pen never brings any.
+    fn warn_of_empty_sets(&self, nodes: &[GraphNode], spec: &NodeSpec, warnings: &mut Vec<RobotError>) {
+        let paths: Vec<&str> = nodes.iter().flat_map(|n| n.writes.iter().map(|w| w.path.as_str())).collect();
+        for (port, wire) in &spec.reads {
+            for pattern in wire.from.iter().filter(|source| path::is_pattern(source)) {
+                if !paths.iter().any(|written| path::covers(pattern, written)) {
+                    let reason = format!("no node of this robot writes a path that {pattern} matches, so far");
+                    let error = self.error_at(&["nodes", &spec.instance, "reads", port], reason);
+                    warnings.push(error.advise(nearest_advice(pattern, &paths)));
+                }
+            }
+        }
     }
 
     fn check_node(
