@@ -115,8 +115,12 @@ pub fn describe(kind: &IncidentKind) -> (&'static str, String) {
         IncidentKind::WithGroup { group, began: false } => ("group", format!("stopped with group {group}")),
         IncidentKind::WithGroup { group, began: true } => ("group", format!("started with group {group}")),
         IncidentKind::Asked { request } => ("asked", format!("{} asked for", words(request))),
-        IncidentKind::Refused { request } => ("refused", format!("{} refused: it does not fit its state", words(request))),
-        IncidentKind::TookOver { down_s } => ("took_over", format!("its standby took over, {:.1} ms down", down_s * 1e3)),
+        IncidentKind::Refused { request } => {
+            ("refused", format!("{} refused: it does not fit its state", words(request)))
+        }
+        IncidentKind::TookOver { down_s } => {
+            ("took_over", format!("its standby took over, {:.1} ms down", down_s * 1e3))
+        }
         IncidentKind::Replaced => ("replaced", "its replacement took over and is on trial".to_owned()),
         IncidentKind::Reverted => ("reverted", "the replacement failed; the program before it goes on".to_owned()),
         IncidentKind::Reaction { reaction, act, failed: false } => {

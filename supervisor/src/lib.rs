@@ -64,6 +64,6 @@ pub use plan::{Plan, Program, base_folder, root_folder};
 pub use policy::Policy;
 pub use rule::{Restart, Rule};
 pub use run::{SuperviseError, run, run_prepared};
-pub use state::{NodeState, RobotState};
 pub use severity::{Cause, CauseKind, Clear, Severity};
+pub use state::{NodeState, RobotState};
 pub use status::{NodeStatus, Status};

@@ -93,7 +93,8 @@ impl Reactions {
                 self.courses.remove(position);
                 continue;
             };
-            let due = Due { reaction: course.reaction, node: course.node, index: course.next, act, ticket: self.tickets };
+            let due =
+                Due { reaction: course.reaction, node: course.node, index: course.next, act, ticket: self.tickets };
             course.next += 1;
             match act {
                 Act::Wait(seconds) => {

@@ -34,7 +34,11 @@ impl Policy {
         }
         let lived_s = now.since(unit.started);
         let killed_by_us = matches!(unit.state, NodeState::Killing { .. } | NodeState::Unkillable);
-        let intent = std::mem::take(&mut unit.intent);
+        let mut intent = std::mem::take(&mut unit.intent);
+        if intent == Intent::Regroup && unit.state == NodeState::Unkillable {
+            // Its group has started without it: it follows alone.
+            intent = Intent::Restart;
+        }
         if stopping {
             unit.state = NodeState::Stopped;
             if !exit.is_obedient() && !killed_by_us {
@@ -132,14 +136,7 @@ impl Policy {
     }
 
     /// Ends those who share the fate of `node`; `delay_s` until they start again, `None` if they are given up.
-    fn stop_group_of(
-        &mut self,
-        now: Time,
-        group: usize,
-        node: usize,
-        delay_s: Option<f64>,
-        actions: &mut Vec<Action>,
-    ) {
+    fn stop_group_of(&mut self, now: Time, group: usize, node: usize, delay_s: Option<f64>, actions: &mut Vec<Action>) {
         let fate = &self.fates[group].group;
         let place = fate.members.iter().position(|&member| member == node).unwrap_or(0);
         let first = if fate.strategy == Strategy::OneForAll { 0 } else { place };
@@ -179,14 +176,21 @@ impl Policy {
         })
     }
 
+    /// When the last of the group's back-offs is over.
+    pub(super) fn group_starts_at(&self, group: usize) -> Option<Time> {
+        let until = |&member: &usize| match self.units[member].state {
+            NodeState::Regrouping { until } => Some(until),
+            _ => None,
+        };
+        self.fates[group].group.members.iter().filter_map(until).max()
+    }
+
     /// Starts the groups whose members have all ended.
     pub(super) fn regroup(&mut self, now: Time, actions: &mut Vec<Action>) {
         for group in 0..self.fates.len() {
             let waits = |unit: &super::Unit| matches!(unit.state, NodeState::Regrouping { .. });
-            let early = |unit: &super::Unit| matches!(unit.state, NodeState::Regrouping { until } if until > now);
-            let members = &self.fates[group].group.members;
-            let any = members.iter().any(|&member| waits(&self.units[member]));
-            if !any || members.iter().any(|&member| early(&self.units[member])) || self.group_is_held_up(Some(group)) {
+            let due = self.group_starts_at(group).is_some_and(|at| at <= now);
+            if !due || self.group_is_held_up(Some(group)) {
                 continue;
             }
             self.fates[group].recent.count(now);

@@ -20,9 +20,10 @@ impl Policy {
                 let stops = "a cause of the emergency stop is still there";
                 return (!self.ladder.may_reset()).then(|| stops.to_owned());
             }
-            Request::Start { node } | Request::Stop { node } | Request::Restart { node } | Request::Replace { node } => {
-                node
-            }
+            Request::Start { node }
+            | Request::Stop { node }
+            | Request::Restart { node }
+            | Request::Replace { node } => node,
         };
         let Some(unit) = self.units.get(node) else { return Some("there is no such node".to_owned()) };
         use NodeState::*;
@@ -30,10 +31,9 @@ impl Policy {
             (Request::Start { .. }, state) => !state.is_alive(),
             (Request::Stop { .. }, Stopped | Ended { .. } | GivenUp | Unkillable) => false,
             (Request::Restart { .. }, Unkillable) => false,
-            (Request::Replace { .. }, Running { .. }) => !matches!(
-                unit.standby,
-                Standby::Starting { other: true } | Standby::Ready { other: true }
-            ),
+            (Request::Replace { .. }, Running { .. }) => {
+                !matches!(unit.standby, Standby::Starting { other: true } | Standby::Ready { other: true })
+            }
             (Request::Replace { .. }, _) => false,
             _ => true,
         };
@@ -43,9 +43,10 @@ impl Policy {
     pub(super) fn call(&mut self, now: Time, request: Request, actions: &mut Vec<Action>) {
         let node = match request {
             Request::Reset => 0,
-            Request::Start { node } | Request::Stop { node } | Request::Restart { node } | Request::Replace { node } => {
-                node
-            }
+            Request::Start { node }
+            | Request::Stop { node }
+            | Request::Restart { node }
+            | Request::Replace { node } => node,
         };
         if node >= self.units.len() {
             return;
@@ -63,7 +64,7 @@ impl Policy {
             }
             Request::Start { .. } => {
                 (unit.attempts, unit.recent) = (0, RecentRestarts::new(unit.care.rule.intensity));
-                unit.down_since.get_or_insert(now);
+                unit.down_since = Some(now);
                 unit.start(node, now, actions);
             }
             Request::Stop { .. } | Request::Restart { .. } => match unit.state {
@@ -75,10 +76,13 @@ impl Policy {
                     unit.trial = None;
                     unit.terminate(node, now, intent, actions);
                 }
+                // Its group is about to start it anew anyhow.
+                NodeState::Terminating { .. } | NodeState::Killing { .. }
+                    if unit.intent == Intent::Regroup && intent_of(request) == Intent::Restart => {}
                 NodeState::Terminating { .. } | NodeState::Killing { .. } => unit.intent = intent_of(request),
                 _ if intent_of(request) == Intent::Stop => unit.end(NodeState::Stopped),
                 _ => {
-                    unit.down_since.get_or_insert(now);
+                    unit.down_since = Some(now);
                     unit.start(node, now, actions);
                 }
             },

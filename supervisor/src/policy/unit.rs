@@ -199,7 +199,9 @@ impl Unit {
     pub fn missing(&self, now: Time) -> bool {
         match self.state {
             NodeState::Running { .. } | NodeState::Waiting => false,
-            NodeState::GivenUp | NodeState::Stopped | NodeState::Ended { success: false } | NodeState::Unkillable => true,
+            NodeState::GivenUp | NodeState::Stopped | NodeState::Ended { success: false } | NodeState::Unkillable => {
+                true
+            }
             NodeState::Ended { success: true } => false,
             _ => self.absent_at().is_some_and(|at| at <= now),
         }

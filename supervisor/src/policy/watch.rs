@@ -103,7 +103,8 @@ impl Policy {
     fn stale(&mut self, now: Time, node: usize, age_s: f64, actions: &mut Vec<Action>) {
         let care = self.units[node].care;
         let NodeState::Running { .. } = self.units[node].state else { return };
-        let known = self.ladder.causes().iter().any(|c| c.node == node && c.kind == CauseKind::Silent && c.gone.is_none());
+        let known =
+            self.ladder.causes().iter().any(|c| c.node == node && c.kind == CauseKind::Silent && c.gone.is_none());
         if !known {
             notify(actions, node, now, IncidentKind::Silent { age_s });
             self.reactions.happened(node, Condition::Silent);
@@ -170,7 +171,8 @@ impl Policy {
             let care = unit.care;
             if missing && !std::mem::replace(&mut unit.absent, true) {
                 self.begin(now, node, CauseKind::Absent, care.loss, care.clear, actions);
-            } else if !missing && self.units[node].absent && matches!(self.units[node].state, NodeState::Running { .. }) {
+            } else if !missing && self.units[node].absent && matches!(self.units[node].state, NodeState::Running { .. })
+            {
                 self.units[node].absent = false;
                 self.well(now, node, CauseKind::Absent);
             }
@@ -247,4 +249,3 @@ pub(super) fn tell_end(now: Time, cause: Cause, actions: &mut Vec<Action>) {
 pub(super) fn intent_of(request: Request) -> Intent {
     if matches!(request, Request::Stop { .. }) { Intent::Stop } else { Intent::Restart }
 }
-
