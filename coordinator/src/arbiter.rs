@@ -2,12 +2,13 @@
 //!
 //! Reads `proposals` (a set, `/actions/*/proposal`); writes `velocity` and `state`. Each axis is decided on its own by
 //! the mode's policy ([`crate::weighted`], [`crate::priority`]); the caps of every proposal that has not expired apply afterwards,
-//! whatever its weight, and then the mode's own limits. An axis on which all abstain is zero.
+//! whatever its weight, and then the mode's own limits. An axis on which all abstain is zero. In limp mode (`[limp]`, the
+//! supervisor says when) only the wishes of the actions that it names count, and its limits apply.
 
-use crate::arbitration::Arbitration;
+use crate::arbitration::{Arbitration, LimpMode};
 use crate::opinion::Caps;
-use messages::{CoordinatorState, Proposal, Twist};
-use runtime::{Fault, Layer, Node, OpenError, Ports, Set, Time, Writer};
+use messages::{CoordinatorState, Proposal, SupervisorState, Twist};
+use runtime::{Fault, Layer, Node, OpenError, Ports, Reader, Set, Time, Writer};
 use schemars::JsonSchema;
 use serde::Deserialize;
 use std::collections::BTreeMap;
@@ -80,6 +81,7 @@ impl Default for ArbiterConfig {
 
 /// The node.
 pub struct Arbiter {
+    supervision: Reader<SupervisorState>,
     proposals: Set<Proposal>,
     velocity: Writer<Twist>,
     state: Writer<CoordinatorState>,
@@ -106,17 +108,24 @@ impl Node for Arbiter {
                 Caps::new(turn, turn)
             },
         ];
+        let limp = ports.limp().map(|limp| {
+            let (speed, turn) = (limp.max_speed_m_s, limp.max_turn_rad_s.unwrap_or(f64::INFINITY));
+            let limits = [Caps::new(speed, speed), Caps::new(speed, speed), Caps::new(turn, turn)];
+            LimpMode { actions: limp.actions.clone(), limits }
+        });
         Ok(Arbiter {
+            supervision: ports.supervision(),
             proposals: ports.set("proposals")?,
             velocity: ports.writer("velocity")?,
             state: ports.writer("state")?,
-            arbitration: Arbitration::new(config, limits),
+            arbitration: Arbitration::new(config, limits).with_limp(limp),
         })
     }
 
     fn step(&mut self, now: Time) -> Result<(), Fault> {
+        let limping = self.supervision.latest().is_some_and(|state| state.limp != 0);
         let arbitration = &mut self.arbitration;
-        arbitration.begin();
+        arbitration.begin(limping);
         self.proposals.each(|path, sample| arbitration.hear(instance(path), now.since(sample.stamp), sample.message));
         let (velocity, state) = arbitration.decide();
         self.velocity.write(now, &velocity);

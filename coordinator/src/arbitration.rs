@@ -17,19 +17,44 @@ pub struct Arbitration {
     opinions: [Vec<Opinion>; 3],
     caps: [Caps; 3],
     state: CoordinatorState,
+    limp: Option<LimpMode>,
+    limping: bool,
+}
+
+/// What limp mode leaves.
+#[derive(Debug, Clone, PartialEq)]
+pub struct LimpMode {
+    /// Actions whose wishes still count.
+    pub actions: Vec<String>,
+    /// Never faster than this (forward, sideways, turn).
+    pub limits: [Caps; 3],
 }
 
 impl Arbitration {
     /// Under `config`, never faster than `limits` (forward, sideways, turn).
     pub fn new(config: ArbiterConfig, limits: [Caps; 3]) -> Arbitration {
         let opinions = [(); 3].map(|()| Vec::with_capacity(CAPACITY));
-        Arbitration { config, limits, opinions, caps: limits, state: CoordinatorState::default() }
+        let state = CoordinatorState::default();
+        Arbitration { config, limits, opinions, caps: limits, state, limp: None, limping: false }
     }
 
-    /// Forgets the last round.
-    pub fn begin(&mut self) {
+    /// The same with a limp mode.
+    #[must_use]
+    pub fn with_limp(mut self, limp: Option<LimpMode>) -> Arbitration {
+        self.limp = limp;
+        self
+    }
+
+    /// Forgets the last round. In limp mode only what remains of it counts from now on.
+    pub fn begin(&mut self, limping: bool) {
         self.opinions.iter_mut().for_each(Vec::clear);
+        self.limping = limping;
         self.caps = self.limits;
+        if let Some(limp) = self.limp.as_ref().filter(|_| limping) {
+            for (caps, limp) in self.caps.iter_mut().zip(&limp.limits) {
+                *caps = caps.least(limp);
+            }
+        }
         self.state = CoordinatorState::default();
     }
 
@@ -42,7 +67,9 @@ impl Arbitration {
         }
         self.state.proposals += 1;
         let mode = &self.config.mode;
+        let silenced = self.limping && self.limp.as_ref().is_some_and(|limp| !limp.actions.iter().any(|a| a == action));
         let weight = mode.weights.get(action).copied().unwrap_or(mode.other_weight);
+        let weight = if silenced { 0.0 } else { weight };
         let (speed, turn): (&Words, &Words) = (&self.config.speed_words_m_s, &self.config.turn_words_rad_s);
         let axes: [(&Axis, &Words); 3] =
             [(&proposal.forward, speed), (&proposal.sideways, speed), (&proposal.turn, turn)];
@@ -94,7 +121,7 @@ mod tests {
     }
 
     fn decide(arbitration: &mut Arbitration, proposals: &[(&str, f64, Proposal)]) -> (Twist, CoordinatorState) {
-        arbitration.begin();
+        arbitration.begin(false);
         for (action, age_s, proposal) in proposals {
             arbitration.hear(action, *age_s, proposal);
         }
@@ -157,7 +184,7 @@ mod tests {
         ) {
             let policy = if weighted { Policy::Weighted } else { Policy::Priority };
             let mut arbitration = arbitration(policy, &[]);
-            arbitration.begin();
+            arbitration.begin(false);
             let (mut positive, mut negative) = (0.3_f64, 0.1_f64);
             for (forward, turn, urgency) in &axes {
                 let proposal = Proposal { urgency: *urgency, ..proposal(*forward, *turn) };

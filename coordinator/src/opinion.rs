@@ -70,6 +70,12 @@ impl Caps {
         self.negative = self.negative.min(usable(axis.cap_negative));
     }
 
+    /// The tighter of both, each way.
+    #[must_use]
+    pub fn least(&self, other: &Caps) -> Caps {
+        Caps { positive: self.positive.min(other.positive), negative: self.negative.min(other.negative) }
+    }
+
     /// `value` within the caps.
     pub fn apply(&self, value: f64) -> f64 {
         value.clamp(-self.negative, self.positive)

@@ -41,6 +41,7 @@ mod plain;
 mod ranges;
 mod requests;
 mod schema;
+mod supervision;
 mod truth;
 
 pub use base::{BaseState, Link};
@@ -52,6 +53,7 @@ pub use plain::{Message, NoTail, Plain, tail_offset};
 pub use ranges::{Beam, Echo, Ranges};
 pub use requests::{Done, Sound, Switch, Trigger};
 pub use schema::{Element, Field, JsonError, JsonProblem, Kind, Schema, SchemaError, from_json_value, to_json_value};
+pub use supervision::{GovernorState, Notice, SupervisorState};
 pub use truth::{Contact, ContactCause, Truth};
 
 // The derive's output names this crate; a user's crate that depends on `sinew` alone says `#[message(crate = sinew::messages)]`.

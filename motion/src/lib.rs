@@ -5,6 +5,8 @@ pub mod footprint;
 pub mod obstacles;
 pub mod protection;
 pub mod ramp;
+pub mod reaction;
+pub mod restraint;
 pub mod safe_motion;
 pub mod zone;
 

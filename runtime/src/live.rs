@@ -15,7 +15,7 @@ use crate::robot::{NodeSpec, Robot, open_declared};
 use crate::stop::{KeepPlace, LatchPlace};
 use crate::sys;
 use crate::time::Time;
-use guard::{LatchPage, Line, Phase, Table};
+use guard::{Injected, LatchPage, Line, Phase, Table};
 use std::path::PathBuf;
 use std::rc::Rc;
 use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
@@ -43,6 +43,8 @@ pub struct TreeShare {
     table: Table,
     first: usize,
     count: usize,
+    /// Whether this run is one of chaos, in which nodes have the faults that they are told to have.
+    faults: bool,
 }
 
 impl TreeShare {
@@ -59,6 +61,7 @@ impl TreeShare {
             table: Table::map(&table).ok()?,
             first: usize::try_from(first).ok()?,
             count: usize::try_from(count).ok()?,
+            faults: std::env::var_os("SINEW_FAULTS").is_some_and(|word| word == "allowed"),
         })
     }
 
@@ -105,6 +108,8 @@ const STACK_BYTES: usize = 256 * 1024;
 const STATISTICS_S: f64 = 1.0;
 /// A node in a process tree wakes at least this often, so that a hang is told from an idle node [s].
 const BEAT_S: f64 = 0.025;
+/// A node that is told to take memory for ever takes so many MiB.
+const MOST_HOGGED: usize = 512;
 /// It may be silent for three periods, and for so long in any case [s].
 const SILENT_S: f64 = 0.1;
 /// How often a node looks for rings that were absent [s].
@@ -264,6 +269,7 @@ struct NodeThread {
     rebind: Time,
     last_fault: Option<crate::Fault>,
     line: Option<Line>,
+    faults: bool,
     guard: Option<Arc<GuardLine>>,
     /// The newest word of the latch that a step has seen, and that the node has said to have obeyed.
     latch_seen: u32,
@@ -337,6 +343,7 @@ impl NodeThread {
             rebind: start,
             last_fault: None,
             line,
+            faults: options.tree.is_some_and(|tree| tree.faults),
             guard,
             latch_seen: 0,
             obeyed: 0,
@@ -352,6 +359,9 @@ impl NodeThread {
                 Some(release) => {
                     // The result is counted by `step`; what changed is logged between steps.
                     self.beat(now, Phase::Stepping);
+                    if self.faults {
+                        self.suffer();
+                    }
                     self.step_watch.begin(now);
                     let _ = self.running.step(now, release, clock::now);
                     let ended = clock::now();
@@ -381,6 +391,22 @@ impl NodeThread {
     fn beat(&self, now: Time, phase: Phase) {
         if let Some(line) = &self.line {
             line.beat(now.nanos(), phase);
+        }
+    }
+
+    /// Has the fault that chaos wants, if it wants one.
+    fn suffer(&self) {
+        let Some(fault) = self.line.as_ref().and_then(Line::take_injected) else { return };
+        eprintln!("{}: {fault:?}, as chaos wants", self.instance);
+        let mut memory = Vec::new();
+        loop {
+            match fault {
+                Injected::Hang => clock::sleep_s(3600.0),
+                Injected::Spin => std::hint::spin_loop(),
+                // Bounded, so that a supervisor that fails does not take the machine with it.
+                Injected::Hog if memory.len() < MOST_HOGGED => memory.push(vec![1_u8; 1 << 20]),
+                Injected::Hog => std::hint::spin_loop(),
+            }
         }
     }
 

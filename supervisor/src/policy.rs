@@ -109,7 +109,10 @@ impl Policy {
             Phase::Up => {
                 self.keep_up(now, actions);
                 self.react(now, actions);
+                // What reactions asked for has its own consequences.
+                self.keep_up(now, actions);
                 self.settle(now, first, actions);
+                self.finish_if_over(actions);
             }
             Phase::Stopping | Phase::Killing => self.wind_down(now, actions),
             Phase::Idle | Phase::Done => {}
@@ -127,8 +130,8 @@ impl Policy {
         }
         let watched = self.units.iter().flat_map(|unit| {
             let absent = unit.absent_at().filter(|_| !unit.absent);
-            let regroup = if let NodeState::Regrouping { until } = unit.state { Some(until) } else { None };
-            let regroup = regroup.filter(|_| !self.group_is_held_up(unit.group));
+            let regroups = matches!(unit.state, NodeState::Regrouping { .. }) && !self.group_is_held_up(unit.group);
+            let regroup = unit.group.filter(|_| regroups).and_then(|group| self.group_starts_at(group));
             let standby = if let Standby::Pausing { until } = unit.standby { Some(until) } else { None };
             [unit.ready_by, absent, unit.start_deadline(), unit.ease_at(), unit.trial, regroup, standby]
         });
@@ -198,8 +201,17 @@ impl Policy {
                 }
             }
         }
+    }
+
+    /// Ends the run when nothing is left to supervise.
+    fn finish_if_over(&mut self, actions: &mut Vec<Action>) {
         let over = |unit: &Unit| matches!(unit.state, NodeState::Ended { .. } | NodeState::GivenUp);
         if self.units.iter().all(over) {
+            for (node, unit) in self.units.iter_mut().enumerate() {
+                if std::mem::take(&mut unit.standby).is_alive() {
+                    actions.push(Action::KillStandby { node });
+                }
+            }
             self.finish(actions);
         }
     }

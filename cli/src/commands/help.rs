@@ -9,7 +9,7 @@ const GROUPS: [(&str, &[&str]); 4] = [
     ("Run a robot", &["run", "drive", "down", "estop", "reset", "resume", "simulate"]),
     ("Look at a running robot", &["ls", "cat", "hz", "logs", "call"]),
     ("Look at a robot file", &["check", "graph", "schema"]),
-    ("Look at this machine", &["doctor", "bench"]),
+    ("Look at this machine", &["doctor", "bench", "chaos"]),
 ];
 
 const BOLD: &str = "\x1b[1m";
@@ -216,6 +216,19 @@ Exit code 4 when something must be mended before a robot can run; warnings do no
 pub const NODE: &str = "\
 Examples:
   sinew node --root /dev/shm/sinew/pioneer /drivers/base    a node alone, for a debugger";
+
+pub const CHAOS: &str = "\
+Examples:
+  sinew chaos --for 60s                          hurts the built-in Pioneer for a minute while it wanders
+  sinew chaos robots/pioneer --for 10m --json    kills, stops, hangs, spins and feeds any process, about one every 2 s
+
+Every process may be hit: nodes, supervisor, guard. Not the root of the process tree, which is never replaced, nor the
+simulated world, which is the reality that the others live in.
+
+JSON (--json): faults, contacts_caused, leaks (processes, files, descriptors), recovery_ms {p50, p99, max} from the fault
+to the successor's first sign of life, recovered, not_recovered [..], leaked [..], contacts_per_fault_below (3/n),
+faults_by_kind, faults_by_process, distance_m, lasted_s, seed.
+Exit code 4 when the robot caused a contact, something leaked, or somebody did not come back.";
 
 pub const TREE: &str = "\
 Examples:

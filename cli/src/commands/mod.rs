@@ -3,6 +3,7 @@
 pub mod bench;
 mod call;
 mod cat;
+mod chaos;
 mod check;
 mod doctor;
 mod down;
@@ -70,6 +71,8 @@ enum Command {
     Bench(bench::Args),
     #[command(after_help = help::DOCTOR)]
     Doctor(doctor::Args),
+    #[command(after_help = help::CHAOS)]
+    Chaos(chaos::Args),
     #[command(hide = true, after_help = help::NODE)]
     Node(node::Args),
     #[command(hide = true, after_help = help::TREE)]
@@ -116,6 +119,7 @@ fn dispatch(command: Command, types: &[NodeType]) -> Result<(), Failure> {
         Command::Check(args) => check::run(args, types),
         Command::Graph(args) => graph::run(args, types),
         Command::Schema(args) => schema::run(args, types),
+        Command::Chaos(args) => chaos::run(args, types),
         Command::Bench(args) => bench::run(args, types),
         Command::Doctor(args) => doctor::run(args),
         Command::Node(args) => node::run(args, types),

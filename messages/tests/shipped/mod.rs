@@ -3,8 +3,8 @@
 /// `every_message!(check)` is `check::<Axis>(); check::<BaseState>(); …`
 macro_rules! every_message {
     ($check:ident) => {
-        every_message!($check: Axis BaseState Beam Command Contact CoordinatorState Done FreeSectors Image InputCursor
-            MotionState NodeStatistics Odometry Proposal Ranges Sound StepInputs Switch Trigger Truth Twist)
+        every_message!($check: Axis BaseState Beam Command Contact CoordinatorState Done FreeSectors GovernorState Image InputCursor
+            MotionState NodeStatistics Notice Odometry Proposal Ranges Sound StepInputs SupervisorState Switch Trigger Truth Twist)
     };
     ($check:ident: $($message:ident)*) => {
         [$($check::<messages::$message>()),*]

@@ -11,7 +11,7 @@ pub use reader::{Reader, Sample, Set};
 pub use writer::Writer;
 
 pub(crate) use input::Input;
-pub(crate) use writer::Output;
+pub(crate) use writer::{Doom, Output};
 
 use crate::calls::{CallPort, Caller, OrderPort, Target};
 use crate::channel::{Claim, Expect, Geometry, Tree};
@@ -19,10 +19,10 @@ use crate::device::{Address, Device, Direction, MemoryLink, MemoryLinks};
 use crate::node::{AnyNode, OpenError};
 use crate::path;
 use crate::pump::PumpBuilder;
-use crate::robot::{Body, NodeSpec, Resources, Robot};
+use crate::robot::{Body, Limp, NodeSpec, ReadWire, Resources, Robot};
 use crate::stop::{Keepsake, LatchCell, StopLatch, StopSource};
 use crate::time::Time;
-use messages::Message;
+use messages::{Message, SupervisorState};
 use std::cell::Cell;
 use std::rc::Rc;
 
@@ -58,6 +58,11 @@ pub struct Declaration {
     pub layout_hash: u64,
 }
 
+/// Where the supervisor says what the robot may do.
+pub const SUPERVISOR_STATE: &str = "/supervisor/robot/state";
+/// Depth of that channel.
+pub const STATE_DEPTH: usize = 64;
+
 /// How deep a ring is where the robot file says nothing.
 const DEPTH: usize = 64;
 /// Rings with long tails are shallower: this many bytes where the robot file says nothing.
@@ -78,12 +83,14 @@ pub(crate) enum Devices {
 pub struct Ports {
     spec: NodeSpec,
     body: Body,
+    limp: Option<Limp>,
     resources: Resources,
     seed: u64,
     now: Rc<Cell<Time>>,
     declared: Vec<Declaration>,
     inputs: Vec<Rc<Input>>,
     outputs: Vec<Rc<Output>>,
+    doom: Rc<Doom>,
     place: Devices,
     /// The memory links that bring bytes to this node, and which way.
     pub(crate) incoming: Vec<(MemoryLink, Direction)>,
@@ -99,11 +106,13 @@ impl Ports {
             seed: node_seed(seed, &spec.path()),
             spec: spec.clone(),
             body: robot.body,
+            limp: robot.limp.clone(),
             resources: robot.resources.clone(),
             now: Rc::new(Cell::new(Time::ZERO)),
             declared: Vec::new(),
             inputs: Vec::new(),
             outputs: Vec::new(),
+            doom: Rc::default(),
             place,
             incoming: Vec::new(),
             pump: PumpBuilder::new(&spec.path()),
@@ -182,7 +191,7 @@ impl Ports {
         tail_capacity: usize,
     ) -> Result<Writer<M>, OpenError> {
         self.declare::<M>(port, PortKind::Write)?;
-        let output = Rc::new(Output::new::<M>(&self.spec, port, tail_capacity));
+        let output = Rc::new(Output::new::<M>(&self.spec, port, tail_capacity, self.doom.clone()));
         self.outputs.push(output.clone());
         Ok(Writer::new(output))
     }
@@ -285,6 +294,20 @@ impl Ports {
         self.keepsake.clone()
     }
 
+    /// What the supervisor lets the robot do now: always wired, and without a sample where nobody supervises.
+    pub fn supervision(&mut self) -> Reader<SupervisorState> {
+        let expect = Expect { type_name: SupervisorState::NAME.into(), layout_hash: SupervisorState::layout_hash() };
+        let wire = ReadWire { from: vec![SUPERVISOR_STATE.into()], max_age_ns: u64::MAX, return_after_ns: 0 };
+        let input = Rc::new(Input::new("supervision", false, expect, Some(wire)));
+        self.inputs.push(input.clone());
+        Reader::new(input, self.now.clone())
+    }
+
+    /// What remains in limp mode, where the robot has one.
+    pub fn limp(&self) -> Option<&Limp> {
+        self.limp.as_ref()
+    }
+
     /// The robot's body.
     pub fn body(&self) -> &Body {
         &self.body
@@ -315,6 +338,11 @@ impl Ports {
         &self.declared
     }
 
+    /// The moment of this node's simulated death.
+    pub(crate) fn doom(&self) -> &Doom {
+        &self.doom
+    }
+
     /// Geometry of each written path.
     pub(crate) fn outputs(&self) -> &[Rc<Output>] {
         &self.outputs
@@ -322,7 +350,7 @@ impl Ports {
 
     /// Adds a path that the runtime itself writes in the node's name.
     pub(crate) fn own_writer<M: Message>(&mut self, port: &'static str, tail_capacity: usize) -> Writer<M> {
-        let output = Rc::new(Output::new::<M>(&self.spec, port, tail_capacity));
+        let output = Rc::new(Output::new::<M>(&self.spec, port, tail_capacity, self.doom.clone()));
         self.outputs.push(output.clone());
         Writer::new(output)
     }
@@ -362,7 +390,7 @@ impl Ports {
 }
 
 impl Output {
-    fn new<M: Message>(spec: &NodeSpec, port: &'static str, tail_capacity: usize) -> Output {
+    fn new<M: Message>(spec: &NodeSpec, port: &'static str, tail_capacity: usize, doom: Rc<Doom>) -> Output {
         let schema = M::schema();
         let tail_element_bytes = if M::HAS_TAIL { size_of::<M::Tail>() } else { 0 };
         let tail_capacity = if M::HAS_TAIL { tail_capacity } else { 0 };
@@ -382,6 +410,7 @@ impl Output {
             writer: std::cell::RefCell::new(None),
             cut: Cell::new(0),
             lost: Cell::new(false),
+            doom,
         }
     }
 }

@@ -1,5 +1,6 @@
 //! A robot file after reading: names checked, node types looked up, times in nanoseconds, nodes in flow order.
 
+use super::care::{self, CareTable, Limp, Period, SupervisionTable};
 use super::error::{RobotError, nearest_advice};
 use super::file::{Body, Missed, NodeTable, RealtimeTable, Restart, RobotFile};
 use super::locate::{locate, value_at};
@@ -25,6 +26,10 @@ pub struct Robot {
     pub body: Body,
     /// What to ask of the kernel.
     pub realtime: RealtimeTable,
+    /// What remains when a node that matters cannot be had.
+    pub limp: Option<Limp>,
+    /// Nodes that share a fate, and what follows conditions.
+    pub supervision: SupervisionTable,
     /// Its nodes in flow order: by layer, then by name.
     pub nodes: Vec<NodeSpec>,
 }
@@ -40,6 +45,8 @@ pub struct NodeSpec {
     pub triggers: Vec<String>,
     /// Grid of releases [ns].
     pub period_ns: Option<u64>,
+    /// The longest period that the governor may stretch it to [ns]; `period_ns` where it may not.
+    pub longest_period_ns: Option<u64>,
     /// Deadline after the release [ns].
     pub deadline_ns: Option<u64>,
     /// What to do about missed periods.
@@ -50,6 +57,12 @@ pub struct NodeSpec {
     pub process: Option<String>,
     /// What follows when it ends.
     pub restart: Restart,
+    /// Hangs, silence, standbys, and what its loss means for the robot.
+    pub care: CareTable,
+    /// How little the robot can do without it, 0 to 100.
+    pub importance: u8,
+    /// Longest execution of a step that is reckoned with before any was measured [ns].
+    pub budget_ns: Option<u64>,
     /// Sources of the read ports.
     pub reads: BTreeMap<String, ReadWire>,
     /// Targets of callers: path of the node, command.
@@ -113,6 +126,7 @@ impl Robot {
             errors.push(place(&["robot", "name"], reason));
         }
         check_body(&written.body, &mut |key, reason| errors.push(place(&["body", key], reason)));
+        care::check(&written, &mut |keys, reason, advice| errors.push(place(keys, reason).advise(advice)));
         let mut nodes = Vec::new();
         for (instance, table) in &written.nodes {
             match node_spec(instance, table, types, text, file) {
@@ -124,7 +138,7 @@ impl Robot {
         if !errors.is_empty() {
             return Err(errors);
         }
-        let RobotFile { robot, body, realtime, .. } = written;
+        let RobotFile { robot, body, realtime, limp, supervision, .. } = written;
         Ok(Robot {
             name: robot.name,
             description: robot.description,
@@ -133,6 +147,8 @@ impl Robot {
             resources,
             body,
             realtime,
+            limp,
+            supervision,
             nodes,
         })
     }
@@ -240,11 +256,20 @@ fn node_spec(
         }
         Some((ms * 1e6).round() as u64)
     };
-    let period_ns = nanos("period_ms", table.period_ms, 0.05);
+    let period_ns = nanos("period_ms", table.period_ms.map(Period::wanted_ms), 0.05);
+    let longest_period_ns = nanos("period_ms", table.period_ms.map(Period::longest_ms), 0.05);
+    let budget_ns = nanos("budget_ms", table.budget_ms, 0.0);
     let deadline_ns = nanos("deadline_ms", table.deadline_ms, 0.0);
     if table.period_ms.is_none() && table.trigger.0.is_empty() {
         let reason = format!("node \"{instance}\" would never step: it has neither period_ms nor trigger");
         errors.push(place(&[], reason));
+    }
+    if longest_period_ns < period_ns {
+        errors.push(place(&["period_ms"], "the longest period is shorter than the shortest: swap min and max".into()));
+    }
+    let importance = table.importance.unwrap_or(50);
+    if importance > 100 {
+        errors.push(place(&["importance"], format!("importance is {importance}: it must lie between 0 and 100")));
     }
     let priority = table.priority.unwrap_or(50);
     if !(1..=89).contains(&priority) {
@@ -310,11 +335,15 @@ fn node_spec(
         kind,
         triggers: table.trigger.0.clone(),
         period_ns,
+        longest_period_ns,
         deadline_ns,
         missed: table.missed,
         priority,
         process: table.process.clone(),
         restart: table.restart,
+        care: table.care.clone().unwrap_or_default(),
+        importance,
+        budget_ns,
         reads,
         calls,
         depth,

@@ -262,8 +262,10 @@ impl Keeper {
             if self.supervisor.as_ref().is_some_and(|beating| beating.token == peer.token) {
                 self.supervisor = None;
             }
-            self.wills.died(peer.token, now);
-            self.wills.advance(now);
+            if self.wills.died(peer.token, now) {
+                self.wills.advance(now);
+                self.page.note_will(now_ns());
+            }
         }
     }
 

@@ -16,6 +16,8 @@ const SOURCE_WORDS: usize = 32;
 const WORDS: usize = HEAD_WORDS + SOURCES * SOURCE_WORDS;
 const WORD: usize = 0;
 const CHANGED_AT: usize = 1;
+const WILLS: usize = 2;
+const WILL_AT: usize = 3;
 
 const USED: u64 = 1;
 const HELD: u64 = 2;
@@ -111,6 +113,17 @@ impl LatchPage {
     /// When the word last changed [ns].
     pub fn changed_at_ns(&self) -> u64 {
         self.0.all()[CHANGED_AT].load(Ordering::Relaxed)
+    }
+
+    /// How many last wills the guard has begun to write, and when the newest one's first bytes were written [ns].
+    pub fn last_will(&self) -> (u64, u64) {
+        let count = self.0.all()[WILLS].load(Ordering::Acquire);
+        (count, self.0.all()[WILL_AT].load(Ordering::Relaxed))
+    }
+
+    pub(crate) fn note_will(&self, now_ns: u64) {
+        self.0.all()[WILL_AT].store(now_ns, Ordering::Relaxed);
+        self.0.all()[WILLS].fetch_add(1, Ordering::Release);
     }
 
     /// Sets the word and wakes all who sleep on it: for the guard, and for hosts without one.

@@ -25,6 +25,8 @@ const BEAT_AT: usize = 3;
 const PHASE: usize = 4;
 const OBEYED: usize = 5;
 const OBEYED_AT: usize = 6;
+/// A fault that chaos wants of the node.
+const FAULT: usize = 7;
 /// Length and checksum of the keepsake; its bytes follow.
 const KEPT: usize = 8;
 
@@ -39,6 +41,17 @@ pub enum Phase {
     Stepping,
     /// Ended in order.
     Ended,
+}
+
+/// A fault that a node is told to have, where the run allows it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Injected {
+    /// Its step waits for ever.
+    Hang = 1,
+    /// Its step computes for ever.
+    Spin,
+    /// Its step takes memory for ever.
+    Hog,
 }
 
 /// All lines.
@@ -128,6 +141,24 @@ impl Line {
     pub fn last_obeyed(&self) -> (u32, u64) {
         let word = self.0[OBEYED].load(Ordering::Acquire);
         (word as u32, self.0[OBEYED_AT].load(Ordering::Relaxed))
+    }
+
+    /// Tells the node to have a fault in its next step.
+    pub fn inject(&self, fault: Injected) {
+        self.0[FAULT].store(fault as u64, Ordering::Release);
+    }
+
+    /// The fault that the node is to have, once.
+    pub fn take_injected(&self) -> Option<Injected> {
+        if self.0[FAULT].load(Ordering::Relaxed) == 0 {
+            return None;
+        }
+        match self.0[FAULT].swap(0, Ordering::Acquire) {
+            1 => Some(Injected::Hang),
+            2 => Some(Injected::Spin),
+            3 => Some(Injected::Hog),
+            _ => None,
+        }
     }
 
     /// Leaves `bytes` to the successor; false when they are too many. Neither allocates nor blocks.

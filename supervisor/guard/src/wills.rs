@@ -133,12 +133,15 @@ impl Wills {
         }
     }
 
-    /// The driver `owner` is dead: its devices are stopped, beginning at `now_ns`.
-    pub fn died(&mut self, owner: u64, now_ns: u64) {
+    /// The driver `owner` is dead: its devices are stopped, beginning at `now_ns`. Whether it had any.
+    pub fn died(&mut self, owner: u64, now_ns: u64) -> bool {
+        let mut any = false;
         for kept in self.0.iter_mut().flatten().filter(|kept| kept.owner == owner && kept.alive) {
             kept.alive = false;
             kept.begin(now_ns);
+            any = true;
         }
+        any
     }
 
     /// Stops, once more, every device whose driver is dead.

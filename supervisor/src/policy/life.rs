@@ -34,7 +34,11 @@ impl Policy {
         }
         let lived_s = now.since(unit.started);
         let killed_by_us = matches!(unit.state, NodeState::Killing { .. } | NodeState::Unkillable);
-        let intent = std::mem::take(&mut unit.intent);
+        let mut intent = std::mem::take(&mut unit.intent);
+        if intent == Intent::Regroup && unit.state == NodeState::Unkillable {
+            // Its group has started without it: it follows alone.
+            intent = Intent::Restart;
+        }
         if stopping {
             unit.state = NodeState::Stopped;
             if !exit.is_obedient() && !killed_by_us {
@@ -172,14 +176,21 @@ impl Policy {
         })
     }
 
+    /// When the last of the group's back-offs is over.
+    pub(super) fn group_starts_at(&self, group: usize) -> Option<Time> {
+        let until = |&member: &usize| match self.units[member].state {
+            NodeState::Regrouping { until } => Some(until),
+            _ => None,
+        };
+        self.fates[group].group.members.iter().filter_map(until).max()
+    }
+
     /// Starts the groups whose members have all ended.
     pub(super) fn regroup(&mut self, now: Time, actions: &mut Vec<Action>) {
         for group in 0..self.fates.len() {
             let waits = |unit: &super::Unit| matches!(unit.state, NodeState::Regrouping { .. });
-            let early = |unit: &super::Unit| matches!(unit.state, NodeState::Regrouping { until } if until > now);
-            let members = &self.fates[group].group.members;
-            let any = members.iter().any(|&member| waits(&self.units[member]));
-            if !any || members.iter().any(|&member| early(&self.units[member])) || self.group_is_held_up(Some(group)) {
+            let due = self.group_starts_at(group).is_some_and(|at| at <= now);
+            if !due || self.group_is_held_up(Some(group)) {
                 continue;
             }
             self.fates[group].recent.count(now);

@@ -64,7 +64,7 @@ impl Policy {
             }
             Request::Start { .. } => {
                 (unit.attempts, unit.recent) = (0, RecentRestarts::new(unit.care.rule.intensity));
-                unit.down_since.get_or_insert(now);
+                unit.down_since = Some(now);
                 unit.start(node, now, actions);
             }
             Request::Stop { .. } | Request::Restart { .. } => match unit.state {
@@ -76,10 +76,13 @@ impl Policy {
                     unit.trial = None;
                     unit.terminate(node, now, intent, actions);
                 }
+                // Its group is about to start it anew anyhow.
+                NodeState::Terminating { .. } | NodeState::Killing { .. }
+                    if unit.intent == Intent::Regroup && intent_of(request) == Intent::Restart => {}
                 NodeState::Terminating { .. } | NodeState::Killing { .. } => unit.intent = intent_of(request),
                 _ if intent_of(request) == Intent::Stop => unit.end(NodeState::Stopped),
                 _ => {
-                    unit.down_since.get_or_insert(now);
+                    unit.down_since = Some(now);
                     unit.start(node, now, actions);
                 }
             },

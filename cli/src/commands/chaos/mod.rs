@@ -123,7 +123,8 @@ pub fn run(args: Args, types: &[NodeType]) -> Result<(), Failure> {
 fn members(robot: &Robot, plan: &supervisor::Plan) -> Vec<Member> {
     let is_world = |instance: &str| {
         robot.nodes.iter().any(|node| {
-            node.kind.layer == Layer::Simulator && (node.path() == instance || node.process.as_deref() == Some(instance))
+            node.kind.layer == Layer::Simulator
+                && (node.path() == instance || node.process.as_deref() == Some(instance))
         })
     };
     let nodes = plan.programs.iter().enumerate().filter(|(_, program)| !is_world(&program.instance));
@@ -131,11 +132,7 @@ fn members(robot: &Robot, plan: &supervisor::Plan) -> Vec<Member> {
 }
 
 /// Descriptors of those who outlive every fault: what they hold must not grow.
-fn held_descriptors(
-    census: &Census,
-    robot: &Robot,
-    plan: &supervisor::Plan,
-) -> Result<Vec<(String, usize)>, Failure> {
+fn held_descriptors(census: &Census, robot: &Robot, plan: &supervisor::Plan) -> Result<Vec<(String, usize)>, Failure> {
     let mut held = vec![("root".to_owned(), descriptors(census.root)?)];
     let victims = members(robot, plan);
     for node in (0..plan.programs.len()).map(Member::Node).filter(|node| !victims.contains(node)) {
@@ -238,7 +235,9 @@ fn tell(args: &Args, toll: &Toll, last: &Value, length_s: f64) -> Result<(), Fai
     let fine = contacts == Some(0) && toll.leaks.is_empty() && toll.not_recovered.is_empty();
     match fine {
         true => Ok(()),
-        false if toll.not_recovered.is_empty() => Err(Failure::new(CHECK, "the robot touched something or left something")),
+        false if toll.not_recovered.is_empty() => {
+            Err(Failure::new(CHECK, "the robot touched something or left something"))
+        }
         false => Err(Failure::new(CHECK, format!("not back: {}", toll.not_recovered.join("; ")))),
     }
 }
