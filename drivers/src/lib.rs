@@ -5,9 +5,10 @@
 // A unit at the end of a doc line, `[m]`, looks like a link to rustdoc.
 #![allow(rustdoc::broken_intra_doc_links)]
 
+pub mod estop_line;
 pub mod p2os;
 
 use runtime::NodeType;
 
 /// The drivers that a robot file can name.
-pub const NODES: &[NodeType] = &[NodeType::of::<p2os::P2os>()];
+pub const NODES: &[NodeType] = &[NodeType::of::<p2os::P2os>(), NodeType::of::<estop_line::EstopLine>()];

@@ -23,7 +23,7 @@ const LAYOUTS: &[(&str, usize, u64)] = &[
     ("GovernorState", 56, 0x1da4_b229_1b22_55a1),
     ("Image", 16, 0x02d8_cfcb_2b36_d86e),
     ("InputCursor", 24, 0x227a_bb76_0826_6ab4),
-    ("MotionState", 80, 0x499f_97a8_d1c2_3c4f),
+    ("MotionState", 80, 0x0a96_2901_8dc2_dabd),
     ("NodeStatistics", 136, 0x323f_6fe8_ab13_ece3),
     ("Notice", 16, 0x2be1_805b_0f50_aa0b),
     ("Odometry", 200, 0xd236_4438_8487_504c),

@@ -165,13 +165,13 @@ mod tests {
         assert!(own.ran_ns > 0);
     }
 
-    /// A table with one node of 90 ms, watched every 10 ms of virtual time.
+    /// A table with one node of 84 ms, watched every 10 ms of virtual time.
     struct Watching(BeatWatch, Line, Time, Witnesses);
 
     impl Watching {
         fn new() -> Watching {
             let line = Line::local();
-            line.begin(7, 7, 90 * MS);
+            line.begin(7, 7, 84 * MS);
             line.beat(0, Phase::Waiting);
             let start = Time::from_seconds(100.0);
             let watched = Watched { node: 0, line, beats: line.beats(), since: start, before: None, told: 0 };
@@ -215,7 +215,7 @@ mod tests {
         for _ in 0..50 {
             assert_eq!(watching.after_ms(10), []);
         }
-        watching.1.begin(8, 8, 90 * MS);
+        watching.1.begin(8, 8, 84 * MS);
         watching.1.beat(0, Phase::Waiting);
         for _ in 0..50 {
             assert_eq!(watching.after_ms(10), [], "another process writes the line");

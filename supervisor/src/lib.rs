@@ -9,9 +9,11 @@
 //! | descriptor 3 (`SINEW_READY_FD`) | write one byte and close it: the node is ready; shell: `echo >&3; exec 3>&-` |
 //! | `SINEW_ROBOT`, `SINEW_NODE` | name of the robot, name of the node in the plan |
 //! | `SINEW_ROOT` | the robot's shared-memory folder, which the supervisor removes at the end |
-//! | `SINEW_SUPERVISOR_PID` | the supervisor: a node stops by itself when it dies (pidfd; then compare with getppid) |
+//! | `SINEW_SUPERVISOR_PID` | the supervisor, in a process tree the root: a node stops by itself when it dies (pidfd) |
 //! | `SINEW_RUN` | name of the run, by which a later supervisor finds what a killed one left |
 //! | `SINEW_RESTARTS` | how many processes of this node came before in this run |
+//! | descriptor 4, `SINEW_TABLE` ("4 first count") | in a process tree: the table of heartbeats and keepsakes, and the node's lines |
+//! | descriptor 5 (`SINEW_LATCH_FD`) | in a process tree: the stop latch, read-only |
 //! | SIGTERM | stop in order; after the grace comes SIGKILL, to the whole process group |
 //!
 //! A node is a session leader without a controlling terminal and with no other descriptor; signal mask and handlers are

@@ -28,6 +28,9 @@ use crate::witness::Witnesses;
 /// Above every node: a supervisor that waits for its nodes cannot help them.
 const PRIORITY: u8 = 95;
 
+/// A node that says when it is ready and has not said so by then hangs [s].
+const START_WITHIN_S: f64 = 5.0;
+
 /// Supervises `plan` as a part of the tree whose root has started this process. Returns when nothing of the run is left
 /// but root and guard; the process must then end with [`guard::DONE`].
 pub fn supervise(plan: Plan) -> Result<(), SuperviseError> {
@@ -134,6 +137,11 @@ fn care(program: &crate::plan::Program) -> Care {
     let plain = Care::plain(program.rule);
     match program.beats {
         0 => plain,
-        _ => Care { beats_low: BEATS_PER_LIMIT - 1, beats_high: BEATS_PER_LIMIT, ..plain },
+        _ => Care {
+            beats_low: BEATS_PER_LIMIT - 1,
+            beats_high: BEATS_PER_LIMIT,
+            start_deadline_s: START_WITHIN_S,
+            ..plain
+        },
     }
 }

@@ -119,9 +119,7 @@ impl Unit {
         if self.standby == (Standby::Ready { other: false }) {
             return Next::Promote;
         }
-        if matches!(self.state, NodeState::Running { since } if now.since(since) >= rule.backoff.healthy_s) {
-            self.attempts = 0;
-        }
+        self.forgive(now);
         let delay_s = rule.backoff.delay_s(self.attempts);
         self.attempts += 1;
         // Under a nanosecond is at once, because a pause must end later than now.
@@ -164,6 +162,14 @@ impl Unit {
     }
 
     /// Asks the process to end; what follows is `intent`.
+    /// Forgets earlier restarts after a healthy spell.
+    fn forgive(&mut self, now: Time) {
+        let healthy_s = self.care.rule.backoff.healthy_s;
+        if matches!(self.state, NodeState::Running { since } if now.since(since) >= healthy_s) {
+            self.attempts = 0;
+        }
+    }
+
     pub fn terminate(&mut self, node: usize, now: Time, intent: Intent, actions: &mut Vec<Action>) {
         self.intent = intent;
         self.state = NodeState::Terminating { kill_at: later(now, self.care.rule.grace_s) };
@@ -171,6 +177,8 @@ impl Unit {
     }
 
     pub fn kill(&mut self, node: usize, now: Time, actions: &mut Vec<Action>) {
+        // A node that ran well until it hung begins anew, as one does that died by itself.
+        self.forgive(now);
         self.state = NodeState::Killing { overdue_at: now.after_s(KILLED_WITHIN_S) };
         actions.push(Action::Kill { node });
     }

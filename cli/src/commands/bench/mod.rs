@@ -10,6 +10,7 @@ mod reflex;
 mod report;
 mod scratch;
 mod simulate;
+mod supervision;
 mod timing;
 mod witness;
 
@@ -36,7 +37,7 @@ pub struct Args {
     /// Replaces the figures of these benches in this document
     #[arg(long, global = true, value_name = "FILE")]
     markdown: Option<PathBuf>,
-    /// How long idle and reflex measure, as in 20s
+    /// How long idle, reflex and supervision measure, as in 20s
     #[arg(long = "for", global = true, value_name = "TIME")]
     length: Option<String>,
 }
@@ -51,6 +52,8 @@ enum What {
     Reflex,
     /// The whole robot on virtual time, on one core
     Simulate,
+    /// From a death, a hang or an emergency stop to what answers it, on the whole live robot
+    Supervision,
     /// All of them, one after another, as without a word
     All,
     /// The answering process of `channel`
@@ -62,6 +65,8 @@ enum What {
 const IDLE_S: f64 = 10.0;
 /// Time that the reflex is measured [s].
 const REFLEX_S: f64 = 20.0;
+/// Time that deaths are measured, without the emergency stops [s].
+const SUPERVISION_S: f64 = 90.0;
 /// Runs the bench and prints what it found.
 pub fn run(args: Args, types: &[NodeType]) -> Result<(), Failure> {
     let length_s = args.length.as_deref().map(parse_seconds).transpose();
@@ -75,11 +80,13 @@ pub fn run(args: Args, types: &[NodeType]) -> Result<(), Failure> {
     let reflex_s = if matches!(what, What::All) { 2.0 * REFLEX_S } else { REFLEX_S };
     let reflex = || reflex::run(robot, length_s.unwrap_or(reflex_s * part), types);
     let simulate = || simulate::run(robot, part, types);
+    let supervision = || supervision::run(robot, length_s.unwrap_or(SUPERVISION_S * part), part, types);
     let benches: Vec<&dyn Fn() -> Result<Report, Failure>> = match &what {
         What::Channel => vec![&channel],
         What::Idle => vec![&idle],
         What::Reflex => vec![&reflex],
         What::Simulate => vec![&simulate],
+        What::Supervision => vec![&supervision],
         What::All => vec![&channel, &idle, &reflex, &simulate],
         What::Partner(partner) => return channel::partner::run(partner),
     };

@@ -3,7 +3,7 @@
 //! Every process may be hit, the supervisor and the guard included; not the root, which is the one thing that is never
 //! replaced, and not the simulated world, which is the reality that the others live in.
 
-mod census;
+pub mod census;
 mod fault;
 
 use super::run::plan;
