@@ -205,7 +205,8 @@ fn no_node_notices_that_the_supervisor_died_and_the_next_one_looks_after_them() 
     robot.until("the death is on record", || {
         robot.incidents().iter().any(|r| r.node == "/actions/forward" && r.event == "died" && r.signal == Some(9))
     });
-    assert_eq!(robot.incidents().iter().filter(|record| record.event == "takeover").count(), 2);
+    // A killed supervisor may take its last records with it; the living one has told of both.
+    assert!(robot.incidents().iter().any(|r| r.event == "takeover" && r.message.starts_with("supervisor 2 ")));
     robot.moves();
     robot.end();
 }
@@ -301,12 +302,12 @@ fn a_driver_that_dies_or_hangs_has_its_device_stopped_by_the_guard_also_by_a_rep
             clock::sleep_s(0.3);
         }
         let wills = page.last_will().0;
-        let old = robot.node("/drivers/base");
-        kill(old, signal);
+        let odometry = Tree::shared(&robot.root()).unwrap().reader("/drivers/base/odometry", None).unwrap();
+        let (generation, head) = (odometry.generation(), odometry.head());
+        kill(robot.node("/drivers/base"), signal);
         robot.until("the guard writes the will", || page.last_will().0 > wills);
-        robot.until("the driver is back", || {
-            robot.status().nodes.iter().any(|n| n.instance == "/drivers/base" && n.pid.is_some_and(|pid| pid != old))
-        });
+        // What the device tells is there again: the successor has it, and has left it with the guard.
+        robot.until("the driver is back", || odometry.generation() > generation && odometry.head() > head);
         robot.moves();
     }
     robot.end();

@@ -95,20 +95,24 @@ impl BeatWatch {
             }
             watched.told = missed;
             let account = account(pid, tid);
-            let before = *watched.before.get_or_insert((account.unwrap_or(UNKNOWN), now));
-            let starved =
-                missed > 1 && is_starved(before.0, account, now.since(before.1), witnesses.stalled_s(before.1, now));
+            if watched.before.is_none() {
+                watched.before = account.map(|account| (account, now));
+            }
+            let starved = watched.before.is_some_and(|(before, since)| {
+                let stalled_s = witnesses.stalled_s(since, now);
+                missed > 1 && is_starved(before, account, now.since(since), stalled_s, watched.line.limit_ns())
+            });
             events.push(Event::Missed { node: watched.node, beats: missed, starved });
         }
     }
 }
 
-const UNKNOWN: Account = Account { ran_ns: 0, waited_ns: 0, state: b'?' };
-
 /// Whether something else than the thread itself explains that it did nothing for `window_s`.
-pub(crate) fn is_starved(before: Account, now: Option<Account>, window_s: f64, stalled_s: f64) -> bool {
+pub(crate) fn is_starved(before: Account, now: Option<Account>, window_s: f64, stalled_s: f64, limit_ns: u64) -> bool {
     let Some(now) = now else { return false };
-    if matches!(now.state, b'T' | b't') {
+    // A stopped process waits for nobody; and one that has computed for all of its limit is a runaway, however little of
+    // the processors it got.
+    if matches!(now.state, b'T' | b't') || now.ran_ns.saturating_sub(before.ran_ns) >= limit_ns {
         return false;
     }
     let share = |ns: u64| ns as f64 * 1e-9 / window_s.max(1e-6);
@@ -139,7 +143,7 @@ mod tests {
     }
 
     fn judged(now: Account, stalled_s: f64) -> bool {
-        is_starved(account_of(100, 100, b'S'), Some(now), 0.1, stalled_s)
+        is_starved(account_of(100, 100, b'S'), Some(now), 0.1, stalled_s, 100 * MS)
     }
 
     #[test]
@@ -152,17 +156,26 @@ mod tests {
     }
 
     #[test]
+    fn a_runaway_on_a_busy_machine_is_hung_once_it_has_computed_for_its_whole_limit() {
+        let after = |ran_ms: u64, waited_ms: u64| {
+            let now = Some(account_of(100 + ran_ms, 100 + waited_ms, b'R'));
+            is_starved(account_of(100, 100, b'R'), now, 1.0, 0.0, 100 * MS)
+        };
+        assert!(after(90, 910));
+        assert!(!after(110, 890));
+    }
+
+    #[test]
     fn a_machine_that_stood_still_explains_a_sleeper_but_not_a_stopped_process() {
         assert!(judged(account_of(100, 100, b'S'), 0.08));
         assert!(!judged(account_of(100, 100, b'T'), 0.08));
-        assert!(!is_starved(UNKNOWN, None, 0.1, 0.1), "a thread that is gone");
+        assert!(!is_starved(account_of(0, 0, b'S'), None, 0.1, 0.1, 100 * MS), "a thread that is gone");
     }
 
     #[test]
     fn the_kernels_account_of_this_thread_is_found() {
         let own = account(std::process::id(), rustix::thread::gettid().as_raw_nonzero().get() as u32).unwrap();
         assert_eq!(own.state, b'R');
-        assert!(own.ran_ns > 0);
     }
 
     /// A table with one node of 84 ms, watched every 10 ms of virtual time.
