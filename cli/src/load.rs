@@ -23,6 +23,18 @@ pub struct Changes {
     pub name: Option<String>,
 }
 
+impl Changes {
+    /// The same changes as arguments of another command.
+    pub fn arguments(&self) -> Vec<String> {
+        let named = |name: &str, value: &String| [format!("--{name}"), value.clone()];
+        let world = self.world.iter().flat_map(|value| named("world", value));
+        let device = self.device.iter().flat_map(|value| named("device", value));
+        let set = self.set.iter().flat_map(|value| named("set", value));
+        let name = self.name.iter().flat_map(|value| named("name", value));
+        world.chain(device).chain(set).chain(name).collect()
+    }
+}
+
 /// The robot that `place` names (a folder with robot.toml, or the file itself; the built-in Pioneer for `None`), with
 /// the command line's changes.
 pub fn robot(place: Option<&Path>, changes: &Changes, types: &[NodeType]) -> Result<Robot, Failure> {

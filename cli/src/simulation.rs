@@ -1,13 +1,15 @@
 //! Runs of a whole robot in the simulated host: one run per seed, spread over the cores, results in order of seeds.
 
 use crate::exit::Failure;
-use messages::{Beam, FreeSectors, Message, Ranges, Truth, bytemuck};
+use drivers::p2os::protocol::STOP_PACKETS;
+use messages::{Beam, Command, FreeSectors, Message, Ranges, Truth, bytemuck};
 use runtime::channel::{Expect, RawReader, SampleBuffer};
 use runtime::robot::Robot;
 use runtime::{Layer, OpenError, SimulatedHost, Time, clock};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
+use supervisor::{FaultRates, SupervisedHost};
 
 /// What became of one run, or of all together.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -28,6 +30,57 @@ pub struct RunResult {
     pub realtime_factor: f64,
     /// Hash over every sample of the truth and of the motor command.
     pub hash: String,
+    /// Seeds with a contact caused, with an emergency stop let go, or with motion under one: replay them.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub failing_seeds: Vec<u64>,
+    /// What the faults did, where there were any.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub faults: Option<FaultResult>,
+}
+
+/// What injected faults did to a run.
+#[derive(Debug, Clone, Default, PartialEq, Serialize)]
+pub struct FaultResult {
+    /// Faults injected: deaths, hangs, slow-downs, bursts of lost bytes, emergency stops, deaths of the supervisor.
+    pub injected: [u64; 6],
+    /// Restarts of processes.
+    pub restarts: u64,
+    /// Processes given up.
+    pub given_up: u64,
+    /// Times that limp mode was entered, the robot was held, and an emergency stop was latched.
+    pub limps_holds_stops: [u64; 3],
+    /// Emergency stops that ended without a reset, or with one before their cause had gone.
+    pub stops_let_go: u64,
+    /// Commands to move more than a second after an emergency stop and before its reset.
+    pub moves_while_stopped: u64,
+    /// From a death to the next sign of life: median, 99 % and greatest [ms].
+    pub recovery_ms: [f64; 3],
+    #[serde(skip)]
+    recoveries_s: Vec<f64>,
+}
+
+impl FaultResult {
+    fn add(&mut self, other: &FaultResult) {
+        for (sum, one) in self.injected.iter_mut().zip(other.injected) {
+            *sum += one;
+        }
+        for (sum, one) in self.limps_holds_stops.iter_mut().zip(other.limps_holds_stops) {
+            *sum += one;
+        }
+        self.restarts += other.restarts;
+        self.given_up += other.given_up;
+        self.stops_let_go += other.stops_let_go;
+        self.moves_while_stopped += other.moves_while_stopped;
+        self.recoveries_s.extend_from_slice(&other.recoveries_s);
+    }
+
+    fn summed_up(mut self) -> FaultResult {
+        self.recoveries_s.sort_by(f64::total_cmp);
+        let last = self.recoveries_s.len().saturating_sub(1);
+        let at = |q: f64| self.recoveries_s.get((q * last as f64).round() as usize).map_or(0.0, |s| s * 1e3);
+        self.recovery_ms = [at(0.5), at(0.99), at(1.0)];
+        self
+    }
 }
 
 /// A point of the track.
@@ -50,6 +103,7 @@ pub struct Run {
     pub track: Vec<TrackPoint>,
     /// The moment of the greatest force, if an action offers forces.
     pub moment: Option<Moment>,
+    moved_while_stopped: u64,
 }
 
 /// What the robot saw and felt at one moment.
@@ -69,17 +123,22 @@ pub struct Moment {
 const MOVING_M_S: f64 = 0.01;
 /// The run goes in slices of this length, after each of which the samples are collected [s].
 const SLICE_S: f64 = 0.25;
+/// A body at its greatest speed is at rest this long after it was told to stop [s].
+const RAMP_S: f64 = 2.0;
 /// Looks per slice of a recorded run: no ring may overflow between two.
 const RECORDED_LOOKS: u32 = 5;
 /// Every so manieth truth becomes a point of the track.
 const TRACK_EVERY: u64 = 10;
 
-/// One run of `robot` for `seconds` from `seed`.
-pub fn run(robot: &Robot, seed: u64, seconds: f64) -> Result<Run, OpenError> {
-    run_slices(robot, seed, seconds, 1, &mut |_| {})
+/// One run of `robot` for `seconds` from `seed`, with faults at these rates, if any.
+pub fn run(robot: &Robot, seed: u64, seconds: f64, faults: Option<FaultRates>) -> Result<Run, OpenError> {
+    match faults {
+        Some(rates) => run_under_faults(robot, seed, seconds, rates),
+        None => run_slices(robot, seed, seconds, 1, &mut |_| {}),
+    }
 }
 
-/// The same, recorded to `file`: every step of every node can be replayed from it.
+/// The same without faults, recorded to `file`: every step of every node can be replayed from it.
 pub fn run_recorded(robot: &Robot, seed: u64, seconds: f64, file: &Path) -> Result<Run, Failure> {
     let mut robot = robot.clone();
     robot.nodes.iter_mut().for_each(|node| node.record_inputs = true);
@@ -120,7 +179,7 @@ fn run_slices(
             host.run_until(begin.after_s(SLICE_S * f64::from(part) / f64::from(looks)).min(end));
             look(&host);
         }
-        watch.collect();
+        watch.collect(None);
     }
     host.stop();
     look(&host);
@@ -128,11 +187,62 @@ fn run_slices(
     Ok(watch.finish(seed, seconds, spent_s))
 }
 
+/// One run under the supervisor's policy, with faults at these rates.
+fn run_under_faults(robot: &Robot, seed: u64, seconds: f64, rates: FaultRates) -> Result<Run, OpenError> {
+    let started = clock::now();
+    let end = Time::from_seconds(seconds);
+    let mut supervised = SupervisedHost::new(robot, seed, Time::ZERO, rates, &last_will)?;
+    let mut watch = Watch::new(supervised.host());
+    let mut stopped: Option<Time> = None;
+    while supervised.host().now() < end {
+        let now = supervised.host().now();
+        supervised.run_until(now.after_s(SLICE_S).min(end));
+        // Only what lies wholly under the stop counts: it may be reset at any moment of a slice.
+        let latched = supervised.policy().latched();
+        watch.collect(stopped.filter(|_| latched).map(|since| since.after_s(RAMP_S)));
+        stopped = if latched { stopped.or(Some(supervised.host().now())) } else { None };
+    }
+    supervised.stop();
+    let mut run = watch.finish(seed, seconds, clock::now().since(started).max(1e-9));
+    let told = supervised.chronicle();
+    let result = FaultResult {
+        injected: told.faults,
+        restarts: told.restarts,
+        given_up: told.given_up,
+        limps_holds_stops: [told.limps, told.holds, told.stops],
+        stops_let_go: told.let_go,
+        moves_while_stopped: run.moved_while_stopped,
+        recovery_ms: [0.0; 3],
+        recoveries_s: told.recoveries_s.clone(),
+    };
+    if run.result.contacts_caused > 0 || result.stops_let_go > 0 || result.moves_while_stopped > 0 {
+        run.result.failing_seeds.push(seed);
+    }
+    run.result.faults = Some(result.summed_up());
+    Ok(run)
+}
+
+/// The bytes with which the guard stops the device of a driver that is dead, longer than any packet that it may have
+/// left half-written.
+fn last_will(kind: &str) -> Option<&'static [u8]> {
+    static P2OS: [u8; 8 * STOP_PACKETS.len()] = {
+        let mut bytes = [0; 8 * STOP_PACKETS.len()];
+        let mut k = 0;
+        while k < bytes.len() {
+            bytes[k] = STOP_PACKETS[k % STOP_PACKETS.len()];
+            k += 1;
+        }
+        bytes
+    };
+    (kind == "p2os").then_some(&P2OS)
+}
+
 /// Runs for every seed of `seeds` on `jobs` threads, recorded where `record` names a file; `done` is called after each with the number finished so far.
 pub fn run_all(
     robot: &Robot,
     seeds: std::ops::Range<u64>,
     seconds: f64,
+    faults: Option<FaultRates>,
     jobs: usize,
     record: &(dyn Fn(u64) -> Option<PathBuf> + Sync),
     done: &(dyn Fn(usize) + Sync),
@@ -150,7 +260,7 @@ pub fn run_all(
             let seed = seeds.start + index as u64;
             let one = match record(seed) {
                 Some(file) => run_recorded(robot, seed, seconds, &file),
-                None => run(robot, seed, seconds).map_err(Failure::from),
+                None => run(robot, seed, seconds, faults).map_err(Failure::from),
             };
             runs.push((index, one));
             done(finished.fetch_add(1, Ordering::Relaxed) + 1);
@@ -179,9 +289,15 @@ pub fn total(runs: &[Run], seconds: f64) -> RunResult {
         mean_speed_m_s: 0.0,
         realtime_factor: 0.0,
         hash: String::new(),
+        failing_seeds: Vec::new(),
+        faults: None,
     };
     for run in runs {
         let result = &run.result;
+        total.failing_seeds.extend_from_slice(&result.failing_seeds);
+        if let Some(faults) = &result.faults {
+            total.faults.get_or_insert_default().add(faults);
+        }
         total.contacts_caused += result.contacts_caused;
         total.contacts_suffered += result.contacts_suffered;
         total.distance_m += result.distance_m;
@@ -196,6 +312,7 @@ pub fn total(runs: &[Run], seconds: f64) -> RunResult {
     total.mean_speed_m_s = if moving_s > 0.0 { moving_m / moving_s } else { 0.0 };
     total.realtime_factor = if spent_s > 0.0 { seconds * runs.len() as f64 / spent_s } else { 0.0 };
     total.hash = hash.text();
+    total.faults = total.faults.map(FaultResult::summed_up);
     total
 }
 
@@ -211,6 +328,7 @@ struct Watch {
     least_clearance_m: f64,
     moving: (f64, u64),
     track: Vec<TrackPoint>,
+    moved_while_stopped: u64,
 }
 
 /// A channel, and how far it has been read.
@@ -260,11 +378,13 @@ impl Watch {
             least_clearance_m: f64::INFINITY,
             moving: (0.0, 0),
             track: Vec::new(),
+            moved_while_stopped: 0,
         }
     }
 
-    fn collect(&mut self) {
-        let Watch { truth, command, hash, last, least_clearance_m, moving, track, .. } = self;
+    /// Takes in the new samples; commands to move that were given after `still` must not be.
+    fn collect(&mut self, still: Option<Time>) {
+        let Watch { truth, command, hash, last, least_clearance_m, moving, track, moved_while_stopped, .. } = self;
         if let Some(truth) = truth {
             truth.drain(|sequence, stamp, buffer| {
                 hash.add(&stamp.nanos().to_le_bytes());
@@ -287,6 +407,11 @@ impl Watch {
             command.drain(|_, stamp, buffer| {
                 hash.add(&stamp.nanos().to_le_bytes());
                 hash.add(buffer.fixed());
+                if still.is_some_and(|still| stamp > still) && buffer.fixed().len() == size_of::<Command>() {
+                    let command: Command = *bytemuck::from_bytes(buffer.fixed());
+                    let rest = command.velocity.linear_x_m_s == 0.0 && command.velocity.angular_z_rad_s == 0.0;
+                    *moved_while_stopped += u64::from(!rest);
+                }
             });
         }
         self.collect_moment();
@@ -324,7 +449,10 @@ impl Watch {
                 mean_speed_m_s: if self.moving.1 > 0 { self.moving.0 / self.moving.1 as f64 } else { 0.0 },
                 realtime_factor: seconds / spent_s,
                 hash: self.hash.text(),
+                failing_seeds: Vec::new(),
+                faults: None,
             },
+            moved_while_stopped: self.moved_while_stopped,
             contacts: last.contacts,
             track: self.track,
             moment: self.moment,

@@ -4,14 +4,16 @@
 //! and `stop` (is something waited for?). Writes `velocity`, `state` and `detour`. The mode's algorithm decides
 //! ([`crate::mode::Algorithm`]); the caps of every proposal that has not expired apply afterwards, whatever its weight, and
 //! so do the mode's own limits. An axis on which all abstain is zero. The calls `set_mode` and `get_mode` need no period:
-//! a call releases a step. A mode that does not exist is refused, and nothing changes.
+//! a call releases a step. A mode that does not exist is refused, and nothing changes. In limp mode (`[limp]`, the
+//! supervisor says when) only the wishes of the actions that it names count, and its limits apply.
 
-use crate::arbitration::Arbitration;
+use crate::arbitration::{Arbitration, LimpMode};
 use crate::minimum::{Minimum, MinimumConfig};
 use crate::mode::Mode;
+use crate::opinion::Caps;
 use messages::{
     CoordinatorState, Detour, GotoProgress, ModeState, Proposal, ProtectiveStop, Room, SetMode, Side, StopCause,
-    Trigger, Twist,
+    SupervisorState, Trigger, Twist,
 };
 use runtime::{CallPort, Fault, Layer, Node, OpenError, Ports, Reader, Set, Time, Writer};
 use schemars::JsonSchema;
@@ -47,6 +49,7 @@ impl Default for ArbiterConfig {
 
 /// The node.
 pub struct Arbiter {
+    supervision: Reader<SupervisorState>,
     proposals: Set<Proposal>,
     room: Reader<Room>,
     goal: Reader<GotoProgress>,
@@ -69,9 +72,15 @@ impl Node for Arbiter {
     fn open(ports: &mut Ports, config: ArbiterConfig) -> Result<Arbiter, OpenError> {
         let start = check(&config).map_err(OpenError::config)?;
         let (speed, turn) = (config.speed_words_m_s, config.turn_words_rad_s);
-        let mut arbitration = Arbitration::new(config.modes, ports.body(), [speed, speed, turn]);
+        let limp = ports.limp().map(|limp| {
+            let (speed, turn) = (limp.max_speed_m_s, limp.max_turn_rad_s.unwrap_or(f64::INFINITY));
+            let limits = [Caps::new(speed, speed), Caps::new(speed, speed), Caps::new(turn, turn)];
+            LimpMode { actions: limp.actions.clone(), limits }
+        });
+        let mut arbitration = Arbitration::new(config.modes, ports.body(), [speed, speed, turn]).with_limp(limp);
         arbitration.set_mode(start);
         Ok(Arbiter {
+            supervision: ports.supervision(),
             proposals: ports.set("proposals")?,
             room: ports.optional_reader("room")?,
             goal: ports.optional_reader("goal")?,
@@ -89,8 +98,9 @@ impl Node for Arbiter {
 
     fn step(&mut self, now: Time) -> Result<(), Fault> {
         self.answer();
+        let limping = self.supervision.latest().is_some_and(|state| state.limp != 0);
         let arbitration = &mut self.arbitration;
-        arbitration.begin();
+        arbitration.begin(limping);
         self.proposals.each(|path, sample| arbitration.hear(instance(path), now.since(sample.stamp), sample.message));
         let room = self.room.fresh(now).map(|room| *room.message);
         let mut detour = Detour::default();

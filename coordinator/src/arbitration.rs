@@ -20,6 +20,17 @@ pub struct Arbitration {
     opinions: [Vec<Opinion>; 3],
     vetoes: [Caps; 3],
     state: CoordinatorState,
+    limp: Option<LimpMode>,
+    limping: bool,
+}
+
+/// What limp mode leaves.
+#[derive(Debug, Clone, PartialEq)]
+pub struct LimpMode {
+    /// Actions whose wishes still count.
+    pub actions: Vec<String>,
+    /// Never faster than this (forward, sideways, turn).
+    pub limits: [Caps; 3],
 }
 
 impl Arbitration {
@@ -28,7 +39,7 @@ impl Arbitration {
         let limits = modes.iter().map(|mode| mode.limits(body)).collect();
         let opinions = [(); 3].map(|()| Vec::with_capacity(CAPACITY));
         let state = CoordinatorState::default();
-        Arbitration { modes, limits, words, mode: 0, opinions, vetoes: [Caps::FREE; 3], state }
+        Arbitration { modes, limits, words, mode: 0, opinions, vetoes: [Caps::FREE; 3], state, limp: None, limping: false }
     }
 
     /// The mode.
@@ -52,10 +63,18 @@ impl Arbitration {
         }
     }
 
-    /// Forgets the last round.
-    pub fn begin(&mut self) {
+    /// The same with a limp mode.
+    #[must_use]
+    pub fn with_limp(mut self, limp: Option<LimpMode>) -> Arbitration {
+        self.limp = limp;
+        self
+    }
+
+    /// Forgets the last round. In limp mode only what remains of it counts from now on.
+    pub fn begin(&mut self, limping: bool) {
         self.opinions.iter_mut().for_each(Vec::clear);
         self.vetoes = [Caps::FREE; 3];
+        self.limping = limping;
         self.state = CoordinatorState { mode: self.mode as u32, ..CoordinatorState::default() };
     }
 
@@ -68,7 +87,8 @@ impl Arbitration {
         }
         self.state.proposals += 1;
         let mode = &self.modes[self.mode];
-        let weight = mode.weight(action);
+        let silenced = self.limping && self.limp.as_ref().is_some_and(|limp| !limp.actions.iter().any(|a| a == action));
+        let weight = if silenced { 0.0 } else { mode.weight(action) };
         let takes_over = mode.takes_over.iter().any(|name| name == action);
         let axes: [&Axis; 3] = [&proposal.forward, &proposal.sideways, &proposal.turn];
         for (k, axis) in axes.into_iter().enumerate() {
@@ -81,12 +101,21 @@ impl Arbitration {
         }
     }
 
+    /// The mode's own limits, and in limp mode those that it leaves.
+    fn limits(&self) -> [Caps; 3] {
+        let own = self.limits[self.mode];
+        match self.limp.as_ref().filter(|_| self.limping) {
+            Some(limp) => std::array::from_fn(|k| own[k].and(&limp.limits[k])),
+            None => own,
+        }
+    }
+
     /// The wanted velocity, and how it came about. `near`: an obstacle is nearer than the mode's switching distance.
     pub fn decide(&mut self, near: bool) -> (Twist, CoordinatorState) {
         let round = Round {
             opinions: [&self.opinions[0], &self.opinions[1], &self.opinions[2]],
             vetoes: self.vetoes,
-            limits: self.limits[self.mode],
+            limits: self.limits(),
             words: self.words,
             near,
         };
@@ -132,7 +161,7 @@ mod tests {
     }
 
     fn decide(arbitration: &mut Arbitration, proposals: &[(&str, f64, Proposal)]) -> (Twist, CoordinatorState) {
-        arbitration.begin();
+        arbitration.begin(false);
         for (action, age_s, proposal) in proposals {
             arbitration.hear(action, *age_s, proposal);
         }
@@ -195,7 +224,7 @@ mod tests {
             axes in prop::collection::vec((any_axis(), any_axis(), any_number()), 0..8), algorithm in 0..5usize, near in any::<bool>(),
         ) {
             let mut arbitration = arbitration(ALL[algorithm], &[]);
-            arbitration.begin();
+            arbitration.begin(false);
             let (mut positive, mut negative) = (0.3_f64, 0.1_f64);
             for (forward, turn, urgency) in &axes {
                 let proposal = Proposal { urgency: *urgency, ..proposal(*forward, *turn) };

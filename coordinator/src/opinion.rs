@@ -78,6 +78,7 @@ impl Caps {
     }
 
     /// The tighter of two.
+    #[must_use]
     pub fn and(&self, other: &Caps) -> Caps {
         Caps { positive: self.positive.min(other.positive), negative: self.negative.min(other.negative) }
     }

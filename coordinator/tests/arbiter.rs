@@ -3,11 +3,12 @@
 
 use coordinator::arbiter::Arbiter;
 use messages::{
-    Axis, CoordinatorState, Detour, GotoProgress, GotoState, ModeState, Proposal, Room, SetMode, Side, Trigger, Twist,
-    bytemuck,
+    Axis, CoordinatorState, Detour, GotoProgress, GotoState, ModeState, Proposal, Room, SetMode, Side, SupervisorState,
+    Trigger, Twist, bytemuck,
 };
 use runtime::calls::TicketState;
-use runtime::{Bench, OpenError, Time};
+use runtime::robot::{Leave, Limp};
+use runtime::{Bench, OpenError, SUPERVISOR_STATE, Time};
 
 fn bench(config: &str) -> Bench<Arbiter> {
     Bench::<Arbiter>::builder(config).set("proposals", "/actions/*/proposal").build().unwrap()
@@ -144,4 +145,25 @@ fn a_goal_that_comes_no_nearer_begins_a_detour_on_the_roomier_side() {
         assert!(detour.side == 0 || detour.bearing_rad == 0.2);
     }
     assert_eq!(sides, [0, 0, 0, 0, 0, Side::Right as u32, Side::Right as u32, Side::Right as u32]);
+}
+
+#[test]
+fn in_limp_mode_only_what_it_names_is_wished_for_and_everybodys_caps_count() {
+    let limp = Limp {
+        actions: vec!["steer_clear".into()],
+        max_speed_m_s: 0.1,
+        max_turn_rad_s: Some(0.3),
+        leave: Leave::Recovered,
+        after_ms: 0.0,
+    };
+    let mut bench = Bench::<Arbiter>::builder("").set("proposals", "/actions/*/proposal").limp(limp).build().unwrap();
+    let forward = Proposal { turn: Axis::capped(0.2), ..proposal(Axis::exact(0.2), Axis::NONE) };
+    bench.feed_member("/actions/forward/proposal", at(1.0), &forward);
+    bench.feed_member("/actions/steer_clear/proposal", at(1.0), &proposal(Axis::exact(0.5), Axis::exact(0.5)));
+    bench.feed_member(SUPERVISOR_STATE, at(1.0), &SupervisorState { limp: 1, ..SupervisorState::default() });
+    bench.step(at(1.1)).unwrap();
+    assert_eq!(velocity(&bench), Twist { linear_x_m_s: 0.1, linear_y_m_s: 0.0, angular_z_rad_s: 0.2 });
+    bench.feed_member(SUPERVISOR_STATE, at(1.1), &SupervisorState::default());
+    bench.step(at(1.2)).unwrap();
+    assert_eq!(velocity(&bench).linear_x_m_s, 0.3, "the mean, within the body's limits");
 }

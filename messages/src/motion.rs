@@ -154,6 +154,12 @@ pub enum Stop {
     Stall = 5,
     /// The base is not ready (link lost, motors off).
     Base = 6,
+    /// The supervisor holds the robot.
+    Held = 7,
+    /// Limp mode: the speed is limited.
+    Limp = 8,
+    /// The stop latch does not allow motion.
+    Latch = 9,
 }
 
 /// What motion made of the wanted velocity, and why.
@@ -171,7 +177,7 @@ pub struct MotionState {
     /// Clear distance along the swept footprint in the wanted direction; +∞ when nothing was seen [m].
     pub clear_m: f64,
     /// Why the body is held back; see [`Stop`].
-    #[message(values = "none stale_velocity blind zone bumper stall base")]
+    #[message(values = "none stale_velocity blind zone bumper stall base held limp latch")]
     pub stop: u32,
     /// Protective stops so far.
     pub stops: u32,

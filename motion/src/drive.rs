@@ -2,20 +2,27 @@
 //!
 //! Reads `velocity` (what the coordinator wants), `ranges` (a set: every ranger that watches over the body), `fallback`
 //! (optional: a ranger that is asked while the whole set is silent), `base` (bumpers, stalls, readiness), `odometry`
-//! (optional: to carry what was seen to now) and `tracks` (optional: what moves). Writes `command`, `wheels` and `state`.
+//! (optional: to carry what was seen to now), `tracks` (optional: what moves), `timing` and `driver_timing` (optional: how
+//! this node and the driver kept time in this run). Writes `command`, `wheels` and `state`.
 //!
-//! In this order: nothing or a stale velocity is zero; greatest speeds, of the body and of its wheels
-//! ([`crate::kinematics`]); barred directions after a bump or a stall; the blind cap where no ranger looks; time to
-//! collision with what moves ([`crate::guard_zone`]); the stop zone along the swept footprint ([`crate::zone`]); ramps, where
-//! the robot file says so without jerks ([`crate::profile`]). Whatever is missing makes the result slower, never faster.
+//! The stop latch stands above all: while it does not allow motion, zero is sent at once, and no power is wanted.
+//! Otherwise, in this order: nothing or a stale velocity is zero; what the supervisor lets through
+//! ([`crate::restraint`]); greatest speeds, of the body and of its wheels ([`crate::kinematics`]); barred directions after
+//! a bump or a stall; the blind cap where no ranger looks; time to collision with what moves ([`crate::guard_zone`]); the
+//! stop zone along the swept footprint ([`crate::zone`]); ramps, where the robot file says so without jerks
+//! ([`crate::profile`]). Whatever is missing makes the result slower, never faster.
 
 use crate::footprint::Velocity;
 use crate::guard_zone::{GuardZoneConfig, MOVERS, Mover, take_movers};
 use crate::kinematics::Kinematics;
 use crate::obstacles::Obstacles;
+use crate::reaction::Reaction;
+use crate::restraint::{LimpLimits, explain, restrain};
 use crate::safe_motion::{SafeMotion, Surroundings};
-use messages::{BaseState, Command, MotionState, Odometry, Ranges, Tracks, Twist, WheelVelocities};
-use runtime::{Fault, Layer, Node, OpenError, Ports, Reader, Set, Time, Writer};
+use messages::{
+    BaseState, Command, MotionState, NodeStatistics, Odometry, Ranges, SupervisorState, Tracks, Twist, WheelVelocities,
+};
+use runtime::{Fault, Layer, Node, OpenError, Ports, Reader, Set, StopLatch, Time, Writer};
 use schemars::JsonSchema;
 use serde::Deserialize;
 
@@ -25,8 +32,10 @@ use serde::Deserialize;
 pub struct DriveConfig {
     /// Longest time from an obstacle's coming into sight to a sample that shows it [s].
     pub sense_s: f64,
-    /// Longest time from that sample to the wheels' first slowing [s].
+    /// Longest time from that sample to the wheels' first slowing; longer where this run's own times are [s].
     pub react_s: f64,
+    /// The device's part of that, from the driver's bytes to the wheels' first slowing [s].
+    pub actuate_s: f64,
     /// Way left between the body and an obstacle when it has come to rest [m].
     pub margin_m: f64,
     /// Greatest pace of any point of the body when it creeps [m/s].
@@ -74,6 +83,7 @@ impl Default for DriveConfig {
         DriveConfig {
             sense_s: 0.1,
             react_s: 0.2,
+            actuate_s: 0.03,
             margin_m: 0.04,
             creep_m_s: 0.05,
             creep_margin_m: 0.015,
@@ -107,9 +117,15 @@ pub struct Drive {
     odometry: Reader<Odometry>,
     tracks: Reader<Tracks>,
     movers: Vec<Mover>,
+    timing: Reader<NodeStatistics>,
+    driver_timing: Reader<NodeStatistics>,
+    supervision: Reader<SupervisorState>,
+    limp: LimpLimits,
+    reaction: Reaction,
     command: Writer<Command>,
     wheels: Writer<WheelVelocities>,
     state: Writer<MotionState>,
+    latch: StopLatch,
     obstacles: Obstacles,
     /// Tells whether the set of ranges is another than at the last step.
     fingerprint: Fingerprint,
@@ -134,9 +150,15 @@ impl Node for Drive {
             odometry: ports.optional_reader("odometry")?,
             tracks: ports.optional_reader("tracks")?,
             movers: Vec::with_capacity(MOVERS),
+            timing: ports.optional_reader("timing")?,
+            driver_timing: ports.optional_reader("driver_timing")?,
+            supervision: ports.supervision(),
+            limp: LimpLimits::of(ports.limp(), ports.body().blind_cap_m_s),
+            reaction: Reaction::new(config.react_s, config.actuate_s),
             command: ports.writer("command")?,
             wheels: ports.writer("wheels")?,
             state: ports.writer("state")?,
+            latch: ports.stop_latch(),
             obstacles: Obstacles::new(config.capacity, config.horizon_m),
             fingerprint: Fingerprint::default(),
             last_step: None,
@@ -147,9 +169,19 @@ impl Node for Drive {
 
     fn step(&mut self, now: Time) -> Result<(), Fault> {
         self.take_ranges(now);
-        let dt_s = self.last_step.map_or(0.0, |last| now.since(last)).min(LONGEST_STEP_S);
+        let gap_s = self.last_step.map_or(0.0, |last| now.since(last));
+        let dt_s = gap_s.min(LONGEST_STEP_S);
         self.last_step = Some(now);
-        let wanted = self.velocity.fresh(now).map(|twist| velocity_of(&twist));
+        self.measure(gap_s);
+        let asked = self.velocity.fresh(now).map(|twist| velocity_of(&twist));
+        let supervised = self.supervision.latest().map(|state| *state.message);
+        let (wanted, restrained) = match asked.filter(|v| v.is_finite()) {
+            Some(asked) => {
+                let (wanted, stop) = restrain(asked, supervised.as_ref(), self.limp);
+                (Some(wanted), stop)
+            }
+            None => (None, None),
+        };
         let measured = self.odometry.fresh(now).map(|odometry| velocity_of(&odometry.velocity));
         let measured = measured.filter(|v| v.is_finite()).unwrap_or(self.safe.sent());
         let base = self.base.fresh(now).map(|base| *base.message);
@@ -159,11 +191,14 @@ impl Node for Drive {
             take_movers(&mut self.movers, tracks.tail, now.since(tracks.stamp), measured);
         }
         let surroundings = Surroundings { points, seen, movers: &self.movers };
-        let state = self.safe.decide(now, dt_s, wanted, base.as_ref(), &surroundings);
+        let moves = self.latch.allows_motion();
+        let decided = self.safe.decide(now, dt_s, wanted.filter(|_| moves), base.as_ref(), &surroundings);
+        let explained = explain(decided, asked, restrained);
+        let state = if moves { explained } else { self.safe.halt(explained) };
         let command = Command {
             velocity: state.sent,
             valid_for_s: self.config.command_valid_s,
-            enable: u64::from(self.config.enable_motors),
+            enable: u64::from(self.config.enable_motors && moves),
         };
         self.command.write(now, &command);
         if let Some(kinematics) = &self.config.kinematics {
@@ -178,6 +213,18 @@ impl Node for Drive {
 const LONGEST_STEP_S: f64 = 0.1;
 
 impl Drive {
+    /// Reckons with the times of this run.
+    fn measure(&mut self, gap_s: f64) {
+        self.reaction.stepped(gap_s);
+        if let Some(statistics) = self.timing.latest() {
+            self.reaction.own(&statistics);
+        }
+        if let Some(statistics) = self.driver_timing.latest() {
+            self.reaction.driver(&statistics);
+        }
+        self.safe.reckon_with(self.config.sense_s + self.reaction.seconds());
+    }
+
     /// Turns beams into points again, if there are other samples than at the last step.
     fn take_ranges(&mut self, now: Time) {
         let max_age_s = self.ranges.max_age_s();
@@ -224,6 +271,7 @@ fn check(config: &DriveConfig) -> Result<(), String> {
     for (key, value) in [
         ("sense_s", c.sense_s),
         ("react_s", c.react_s),
+        ("actuate_s", c.actuate_s),
         ("margin_m", c.margin_m),
         ("creep_m_s", c.creep_m_s),
         ("creep_margin_m", c.creep_margin_m),

@@ -8,6 +8,8 @@ pub mod obstacles;
 pub mod profile;
 pub mod protection;
 pub mod ramp;
+pub mod reaction;
+pub mod restraint;
 pub mod safe_motion;
 pub mod zone;
 

@@ -2,11 +2,11 @@
 #![allow(clippy::unwrap_used, reason = "tests")]
 
 use messages::{
-    BaseState, Beam, Command, Echo, Link, MotionState, Odometry, Ranges, Stop, Track, TrackMotion, TrackState, Tracks,
-    Twist, WheelVelocities,
+    BaseState, Beam, Command, Echo, Link, MotionState, NodeStatistics, Odometry, Ranges, Stop, SupervisorState, Track,
+    TrackMotion, TrackState, Tracks, Twist, WheelVelocities,
 };
 use motion::drive::Drive;
-use runtime::{Bench, OpenError, Time};
+use runtime::{Bench, OpenError, SUPERVISOR_STATE, Time};
 
 fn at(s: f64) -> Time {
     Time::from_seconds(s)
@@ -231,4 +231,39 @@ fn it_slows_for_somebody_who_walks_towards_it_before_any_ranger_would() {
     }
     let (command, state) = rig.step();
     assert_eq!((command.velocity.linear_x_m_s, state.stop), (0.0, Stop::Zone as u32));
+}
+
+#[test]
+fn the_supervisor_can_hold_the_body_and_slow_it_down() {
+    for (said, speed_m_s, stop) in [
+        (SupervisorState { limp: 1, ..SupervisorState::default() }, 0.05, Stop::Limp),
+        (SupervisorState { hold: 1, limp: 1, ..SupervisorState::default() }, 0.0, Stop::Held),
+        (SupervisorState::default(), 0.25, Stop::None),
+    ] {
+        let mut rig = Rig::new("");
+        rig.bench.feed_member(SUPERVISOR_STATE, at(9.0), &said);
+        let (command, state) = rig.drive(5.0);
+        assert_eq!((command.velocity.linear_x_m_s, state.stop), (speed_m_s, stop as u32));
+        assert_eq!(state.wanted.linear_x_m_s, 0.25);
+    }
+}
+
+#[test]
+fn a_driver_that_answers_late_makes_the_body_slower_by_the_formula() {
+    let limit = |response_s: f64| {
+        let mut rig = Rig::new(
+            "react_s = 0.1\nactuate_s = 0.0\nsense_s = 0.1\nmargin_m = 0.0\ncreep_margin_m = 0.0\ncreep_m_s = 0.0",
+        );
+        let statistics = NodeStatistics { response_s: [0.0, 0.0, response_s, 0.0], ..NodeStatistics::default() };
+        rig.bench.feed("driver_timing", at(9.0), &statistics, &[]);
+        rig.drive(0.5).1.forward_limit_m_s
+    };
+    // 0.5 m to the obstacle, 0.21 m of it body; steps come every 50 ms.
+    let (clear_m, a) = (0.29, 0.3);
+    for response_s in [0.0, 0.2, 0.5] {
+        let v = limit(response_s);
+        let t_s = 0.1 + (0.05 + response_s).max(0.1);
+        assert!((v * t_s + v * v / (2.0 * a) - clear_m).abs() < 1e-6, "{v} m/s with {response_s} s");
+    }
+    assert!(limit(0.5) < limit(0.2) && limit(0.2) < limit(0.0));
 }

@@ -8,7 +8,10 @@ use crate::node::{Fault, Node, NodeType, OpenError};
 use crate::path::Layer;
 use crate::ports::{Devices, PortKind};
 use crate::pump::PumpBuilder;
-use crate::robot::{Body, Missed, NodeSpec, ReadWire, RealtimeTable, Resources, Restart, Robot, open_declared};
+use crate::robot::{
+    Body, CareTable, Limp, Missed, NodeSpec, ReadWire, RealtimeTable, Resources, Restart, Robot, SupervisionTable,
+    open_declared,
+};
 use crate::time::Time;
 use messages::{Message, bytemuck};
 use std::collections::BTreeMap;
@@ -33,6 +36,7 @@ pub struct BenchBuilder<N: Node> {
     members: BTreeMap<String, Vec<String>>,
     files: Option<std::path::PathBuf>,
     max_age_s: f64,
+    limp: Option<Limp>,
     node: PhantomData<N>,
 }
 
@@ -45,6 +49,7 @@ impl<N: Node> Bench<N> {
             members: BTreeMap::new(),
             files: None,
             max_age_s: 0.5,
+            limp: None,
             node: PhantomData,
         }
     }
@@ -161,6 +166,13 @@ impl<N: Node> BenchBuilder<N> {
         self
     }
 
+    /// What remains of the robot in limp mode.
+    #[must_use]
+    pub fn limp(mut self, limp: Limp) -> Self {
+        self.limp = Some(limp);
+        self
+    }
+
     /// Greatest age of a fresh sample on all ports [s].
     #[must_use]
     pub fn max_age_s(mut self, seconds: f64) -> Self {
@@ -170,17 +182,21 @@ impl<N: Node> BenchBuilder<N> {
 
     /// Opens the node.
     pub fn build(self) -> Result<Bench<N>, OpenError> {
-        let BenchBuilder { config, body, members, files, max_age_s, .. } = self;
+        let BenchBuilder { config, body, members, files, max_age_s, limp, .. } = self;
         let spec = NodeSpec {
             instance: NAME.into(),
             kind: NodeType::of::<N>(),
             triggers: Vec::new(),
             period_ns: Some(100_000_000),
+            longest_period_ns: Some(100_000_000),
             deadline_ns: None,
             missed: Missed::Skip,
             priority: 50,
             process: None,
             restart: Restart::Never,
+            care: CareTable::default(),
+            importance: 50,
+            budget_ns: None,
             reads: BTreeMap::new(),
             calls: BTreeMap::new(),
             depth: BTreeMap::new(),
@@ -196,6 +212,8 @@ impl<N: Node> BenchBuilder<N> {
             body,
             realtime: RealtimeTable::default(),
             record: None,
+            limp,
+            supervision: SupervisionTable::default(),
             nodes: vec![spec],
         };
         // The node's own declarations say which ports there are to wire: wire one more each time it asks for one.

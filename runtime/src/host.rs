@@ -41,6 +41,13 @@ impl Running {
         }
     }
 
+    /// Another period from the next release on.
+    pub(crate) fn set_period(&mut self, period_ns: u64) {
+        if let Some(grid) = &mut self.grid {
+            grid.set_period(period_ns);
+        }
+    }
+
     /// One step at `now` that was due at `release`; `end` tells the time after it.
     pub(crate) fn step(&mut self, now: Time, release: Time, end: impl FnOnce() -> Time) -> Result<(), Fault> {
         self.opened.ports.freeze(now);

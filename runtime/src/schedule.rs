@@ -24,6 +24,11 @@ impl Grid {
         self.next
     }
 
+    /// Another period: the next release stays where it is, the ones after it follow at the new distance.
+    pub fn set_period(&mut self, period_ns: u64) {
+        self.period_ns = period_ns.max(1);
+    }
+
     /// Whether a release is due at `now`.
     pub fn due(&self, now: Time) -> bool {
         self.next <= now

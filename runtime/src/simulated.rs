@@ -4,18 +4,24 @@
 //! seeded model, during which its node cannot step again: deadlines are missed and periods skipped as on a real robot.
 //! What a step published is seen by steps released later; it releases its readers when it ends.
 
+mod injection;
+
 use crate::calls::{LocalCalls, LocalRequest, Ticket, TicketState};
-use crate::channel::{Claim, Tree};
-use crate::device::MemoryLinks;
+use crate::channel::{Claim, Geometry, Tree};
+use crate::device::{Direction, MemoryLink, MemoryLinks};
 use crate::host::Running;
 use crate::node::OpenError;
-use crate::ports::{Devices, Input};
+use crate::ports::{Devices, Input, STATE_DEPTH, SUPERVISOR_STATE};
 use crate::pump::PumpBuilder;
-use crate::robot::{NodeSpec, Robot, open_declared};
+use crate::robot::{NodeSpec, Robot, STATISTICS, open_declared};
+use crate::stop::{Keepsake, LatchPlace};
 use crate::time::Time;
-use messages::NodeStatistics;
+use guard::Word;
+use messages::{NodeStatistics, SupervisorState};
 use rand_core::{Rng, SeedableRng};
 use rand_pcg::Pcg64Mcg;
+use std::cell::Cell;
+use std::collections::VecDeque;
 use std::rc::Rc;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -40,6 +46,9 @@ impl Default for ExecutionModel {
     }
 }
 
+/// How often a node's counters are published where somebody reads them [s].
+const STATISTICS_S: f64 = 1.0;
+
 /// A robot in simulation.
 pub struct SimulatedHost {
     robot: Robot,
@@ -54,6 +63,12 @@ pub struct SimulatedHost {
     slots: Vec<Slot>,
     /// For each node the nodes that its samples may release.
     listeners: Vec<Vec<usize>>,
+    /// The stop latch, as the host was told.
+    latch: Rc<Cell<Word>>,
+    /// What dead nodes have left their successors.
+    keepsakes: Vec<Keepsake>,
+    /// Nodes that died in mid-step, and when.
+    deaths: VecDeque<(usize, Time)>,
 }
 
 /// One node's place; the node itself may be dead.
@@ -67,6 +82,16 @@ struct Slot {
     /// Released by a sample or the device at this time and not served yet.
     pending: Option<Time>,
     busy_until: Time,
+    /// When the step began that makes it busy.
+    busy_since: Time,
+    /// It dies in its next step.
+    doomed: bool,
+    /// Its steps take so many times as long, until then.
+    slowed: (f64, Time),
+    /// Its device links, also after its death.
+    devices: Vec<(MemoryLink, Direction)>,
+    /// Somebody reads how it keeps time.
+    is_timed: bool,
     random: Pcg64Mcg,
     lives: u64,
 }
@@ -106,6 +131,9 @@ impl SimulatedHost {
             now: start,
             slots: Vec::new(),
             listeners: Vec::new(),
+            latch: Rc::default(),
+            keepsakes: robot.nodes.iter().map(|_| Keepsake::default()).collect(),
+            deaths: VecDeque::new(),
         };
         host.links.set_now(start);
         for (index, spec) in robot.nodes.iter().enumerate() {
@@ -118,6 +146,15 @@ impl SimulatedHost {
                 called: Arc::default(),
                 pending: None,
                 busy_until: start,
+                busy_since: start,
+                doomed: false,
+                slowed: (1.0, Time::ZERO),
+                devices: Vec::new(),
+                is_timed: robot
+                    .nodes
+                    .iter()
+                    .flat_map(|node| node.reads.values())
+                    .any(|wire| wire.from.contains(&spec.port_path(STATISTICS))),
                 random: Pcg64Mcg::seed_from_u64(stream),
                 lives: 0,
             });
@@ -133,6 +170,10 @@ impl SimulatedHost {
             }
             host.slots[index].running = Some(running);
         }
+        // Whoever supervises writes it later; readers look for it now.
+        let state = Geometry::of::<SupervisorState>(0, STATE_DEPTH);
+        let refused = |e: crate::channel::ChannelError| OpenError::resource(e.to_string());
+        host.tree.prepare(SUPERVISOR_STATE, &state).map_err(refused)?;
         for index in 0..host.slots.len() {
             host.settle(index)?;
         }
@@ -143,6 +184,8 @@ impl SimulatedHost {
     fn open(&self, index: usize) -> Result<Running, OpenError> {
         let spec = &self.slots[index].spec;
         let opened = open_declared(&self.robot, spec, self.seed, Devices::Memory(self.links.clone()))?;
+        *opened.ports.latch.place.borrow_mut() = LatchPlace::Simulated(self.latch.clone());
+        opened.ports.keepsake.share(&self.keepsakes[index]);
         // A node that starts later keeps to the grid of the run.
         Ok(Running::new(opened, spec, next_on_grid(self.now, spec.period_ns)))
     }
@@ -152,6 +195,7 @@ impl SimulatedHost {
         let now = self.now;
         let slot = &mut self.slots[index];
         let Some(running) = &mut slot.running else { return Ok(()) };
+        slot.devices = running.opened.ports.incoming.clone();
         for input in running.opened.ports.inputs() {
             input.bind(&self.tree)?;
         }
@@ -214,6 +258,11 @@ impl SimulatedHost {
     /// The device links, to inject faults into.
     pub fn links(&self) -> &MemoryLinks {
         &self.links
+    }
+
+    /// Sets the stop latch, as a guard does on a live robot. Nodes see it in their next step.
+    pub fn set_latch(&mut self, state: guard::latch::State) {
+        self.latch.set(self.latch.get().changed_to(state));
     }
 
     /// Calls a node from beside the nodes, as `sinew call` does on a live robot.
@@ -287,9 +336,29 @@ impl SimulatedHost {
         let release = [slot.pending, grid].into_iter().flatten().min().unwrap_or(at);
         slot.pending = None;
         let ended = at.after_s(spent_s);
-        slot.busy_until = ended;
+        (slot.busy_since, slot.busy_until) = (at, ended);
         let fault = running.step(at, release, || ended).is_err();
+        if slot.is_timed {
+            running.publish_statistics(ended, STATISTICS_S);
+        }
+        if slot.doomed {
+            self.deaths.push_back((index, at));
+            self.kill(index);
+            self.release_listeners(index, ended);
+            self.carry_calls();
+            return Stepped { node: index, at, fault };
+        }
         let has_device = !running.opened.ports.incoming.is_empty();
+        self.release_listeners(index, ended);
+        if has_device {
+            self.release_device_readers();
+        }
+        self.carry_calls();
+        Stepped { node: index, at, fault }
+    }
+
+    /// Releases those whom the samples of node `index` trigger.
+    fn release_listeners(&mut self, index: usize, ended: Time) {
         for k in 0..self.listeners[index].len() {
             let listener = self.listeners[index][k];
             let slot = &mut self.slots[listener];
@@ -298,11 +367,6 @@ impl SimulatedHost {
                 slot.pending = Some(slot.pending.map_or(ended, |pending| pending.min(ended)));
             }
         }
-        if has_device {
-            self.release_device_readers();
-        }
-        self.carry_calls();
-        Stepped { node: index, at, fault }
     }
 
     /// Bytes may be under way to any node with a device: it is released when the last byte of one `send` arrives. What a
@@ -324,7 +388,9 @@ impl SimulatedHost {
         // Two independent numbers in [0, 1) out of one draw.
         let spread = (bits >> 40) as f64 / (1_u64 << 24) as f64;
         let chance = (bits & 0xff_ffff) as f64 / (1_u64 << 24) as f64;
-        if chance < stall_probability { stall_s } else { least_s + (most_s - least_s) * spread }
+        let ordinary_s = if chance < stall_probability { stall_s } else { least_s + (most_s - least_s) * spread };
+        let (factor, until) = self.slots[index].slowed;
+        if self.now < until { ordinary_s * factor } else { ordinary_s }
     }
 
     /// Kills node `index` between two of its steps: no destructor of its own logic runs, its paths become free.
@@ -333,6 +399,7 @@ impl SimulatedHost {
         slot.running = None;
         slot.triggers.clear();
         slot.pending = None;
+        slot.doomed = false;
         self.calls.node_ended(&slot.spec.path());
     }
 
@@ -340,6 +407,9 @@ impl SimulatedHost {
     pub fn hang(&mut self, index: usize, seconds: f64) {
         let until = self.now.after_s(seconds);
         let slot = &mut self.slots[index];
+        if slot.busy_until <= self.now {
+            slot.busy_since = self.now;
+        }
         slot.busy_until = slot.busy_until.max(until);
     }
 

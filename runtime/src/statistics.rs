@@ -62,6 +62,11 @@ impl Statistics {
         self.counts.steps
     }
 
+    /// Steps so far that ended after their deadline.
+    pub fn missed_deadlines(&self) -> u64 {
+        self.counts.missed_deadlines
+    }
+
     /// Everything so far; `dropped` is the inputs' count of lost samples.
     pub fn summary(&self, dropped: u64) -> NodeStatistics {
         let four =

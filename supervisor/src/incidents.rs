@@ -10,7 +10,7 @@ use std::thread::JoinHandle;
 
 use serde::{Deserialize, Serialize};
 
-use crate::event::{IncidentKind, Next};
+use crate::event::{IncidentKind, Next, Request};
 use crate::exit::Exit;
 use crate::logs::put_aside;
 use crate::wall::span;
@@ -31,7 +31,8 @@ pub struct Record {
     pub robot: String,
     /// Name of the node; empty if it concerns the robot.
     pub node: String,
-    /// `died`, `restarted`, `recovered`, `not_ready`, `killed`, `unkillable` or `leftovers`.
+    /// `died`, `restarted`, `recovered`, `not_ready`, `killed`, `unkillable`, `leftovers`, `hung`, `silent`, `cause` …: the
+    /// words of [`describe`].
     pub event: String,
     /// All of it in one line.
     pub message: String,
@@ -62,6 +63,10 @@ pub fn describe(kind: &IncidentKind) -> (&'static str, String) {
                 Next::GiveUp { restarts, window_s } => {
                     format!("given up: {restarts} restarts within {}; the robot goes on without it", span(window_s))
                 }
+                Next::Promote => "its standby takes over".to_owned(),
+                Next::RestartGroup { group, delay_s } => {
+                    format!("group {group} is started anew with it in {}", span(delay_s))
+                }
                 Next::End => "not to be restarted".to_owned(),
                 Next::Stop => "the robot is stopping".to_owned(),
             };
@@ -81,6 +86,61 @@ pub fn describe(kind: &IncidentKind) -> (&'static str, String) {
         IncidentKind::Unkillable => {
             ("unkillable", "still there after SIGKILL: it hangs in the kernel, look at its device".to_owned())
         }
+        IncidentKind::Sluggish { beats, starved: true } => {
+            ("sluggish", format!("{beats} beats missed for want of a processor"))
+        }
+        IncidentKind::Sluggish { beats, starved: false } => ("sluggish", format!("{beats} beats missed")),
+        IncidentKind::Hung { beats } => ("hung", format!("hung: {beats} beats missed; killed")),
+        IncidentKind::HungAtStart { waited_s } => {
+            ("hung", format!("hung at its start: not ready after {}; killed", span(waited_s)))
+        }
+        IncidentKind::Silent { age_s } => ("silent", format!("silent: newest sample {} old", span(age_s))),
+        IncidentKind::Raised { misses, above } => {
+            ("raised", format!("{misses} deadlines missed; priority raised, now {above} above the robot file's"))
+        }
+        IncidentKind::Overload { misses, idle } => (
+            "overload",
+            format!("{misses} deadlines missed and {:.0} % of the processors idle: no priority helps", idle * 100.0),
+        ),
+        IncidentKind::Eased { above: 0 } => ("eased", "keeps its deadlines; priority as in the robot file".to_owned()),
+        IncidentKind::Eased { above } => {
+            ("eased", format!("keeps its deadlines; priority still {above} above the robot file's"))
+        }
+        IncidentKind::CauseBegan { cause, severity } => {
+            ("cause", format!("{}; the robot's rung is {} or higher", cause.words(), severity.word()))
+        }
+        IncidentKind::CauseEnded { cause, severity, lasted_s } => {
+            ("cause_ended", format!("no longer {} ({}), after {}", cause.words(), severity.word(), span(lasted_s)))
+        }
+        IncidentKind::WithGroup { group, began: false } => ("group", format!("stopped with group {group}")),
+        IncidentKind::WithGroup { group, began: true } => ("group", format!("started with group {group}")),
+        IncidentKind::Asked { request } => ("asked", format!("{} asked for", words(request))),
+        IncidentKind::Refused { request } => {
+            ("refused", format!("{} refused: it does not fit its state", words(request)))
+        }
+        IncidentKind::TookOver { down_s } => {
+            ("took_over", format!("its standby took over, {:.1} ms down", down_s * 1e3))
+        }
+        IncidentKind::Replaced => ("replaced", "its replacement took over and is on trial".to_owned()),
+        IncidentKind::Reverted => ("reverted", "the replacement failed; the program before it goes on".to_owned()),
+        IncidentKind::Reaction { reaction, act, failed: false } => {
+            ("reaction", format!("reaction {reaction} did its act {act}"))
+        }
+        IncidentKind::Reaction { reaction, act, failed: true } => {
+            ("reaction", format!("act {act} of reaction {reaction} failed; its fallback follows"))
+        }
+        IncidentKind::Care { attached: true } => ("attached", "came under the supervisor's care".to_owned()),
+        IncidentKind::Care { attached: false } => ("detached", "left the supervisor's care".to_owned()),
+    }
+}
+
+fn words(request: Request) -> &'static str {
+    match request {
+        Request::Start { .. } => "start",
+        Request::Stop { .. } => "stop",
+        Request::Restart { .. } => "restart",
+        Request::Replace { .. } => "replacement",
+        Request::Reset => "reset",
     }
 }
 
@@ -100,7 +160,9 @@ impl Record {
                 }
             }
             IncidentKind::Restarted { down_s, .. } | IncidentKind::Recovered { down_s } => self.span_s = Some(down_s),
-            IncidentKind::NotReady { .. } | IncidentKind::Killed { .. } | IncidentKind::Unkillable => {}
+            IncidentKind::TookOver { down_s } => self.span_s = Some(down_s),
+            IncidentKind::CauseEnded { lasted_s, .. } => self.span_s = Some(lasted_s),
+            _ => {}
         }
         self
     }

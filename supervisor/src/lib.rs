@@ -9,9 +9,11 @@
 //! | descriptor 3 (`SINEW_READY_FD`) | write one byte and close it: the node is ready; shell: `echo >&3; exec 3>&-` |
 //! | `SINEW_ROBOT`, `SINEW_NODE` | name of the robot, name of the node in the plan |
 //! | `SINEW_ROOT` | the robot's shared-memory folder, which the supervisor removes at the end |
-//! | `SINEW_SUPERVISOR_PID` | the supervisor: a node stops by itself when it dies (pidfd; then compare with getppid) |
+//! | `SINEW_SUPERVISOR_PID` | the supervisor, in a process tree the root: a node stops by itself when it dies (pidfd) |
 //! | `SINEW_RUN` | name of the run, by which a later supervisor finds what a killed one left |
 //! | `SINEW_RESTARTS` | how many processes of this node came before in this run |
+//! | descriptor 4, `SINEW_TABLE` ("4 first count") | in a process tree: the table of heartbeats and keepsakes, and the node's lines |
+//! | descriptor 5 (`SINEW_LATCH_FD`) | in a process tree: the stop latch, read-only |
 //! | SIGTERM | stop in order; after the grace comes SIGKILL, to the whole process group |
 //!
 //! A node is a session leader without a controlling terminal and with no other descriptor; signal mask and handlers are
@@ -23,13 +25,18 @@
 //! `<node>.previous.log` and `incidents.jsonl` (a [`Record`] per line).
 
 mod backoff;
+mod beats;
+mod care;
 mod claim;
 mod control;
 mod event;
 mod exit;
 mod folders;
+mod front;
 mod host;
+mod host_tree;
 mod incidents;
+mod ladder;
 mod leftovers;
 mod logs;
 mod observer;
@@ -38,27 +45,44 @@ mod plan;
 mod policy;
 mod proc;
 mod processes;
+mod reactions;
+mod remembered;
+mod robot_plan;
 mod rule;
 mod run;
+mod saved;
+mod severity;
 mod signals;
+mod simulated;
 mod slot;
 mod state;
 mod status;
+mod supervise;
+mod telling;
+mod tree;
 mod wall;
+mod witness;
 
 pub use backoff::{Backoff, Intensity};
+pub use care::{Act, Care, Condition, Group, Reaction, Strategy, Supervision};
 pub use claim::ClaimError;
 pub use control::{ControlError, StopHandle, ask, down};
-pub use event::{Action, Event, Incident, IncidentKind, Next};
+pub use event::{Action, Event, Incident, IncidentKind, Next, Request};
 pub use exit::Exit;
+pub use front::{Front, front_connection, refuse, run_tree};
 pub use incidents::{Record, describe};
 pub use logs::log_folder;
 pub use observer::{Observer, Outcome, Report, StopCause};
 pub use owner::{Owner, owner, owners};
 pub use plan::{Plan, Program, base_folder, root_folder};
 pub use policy::Policy;
+pub use robot_plan::{Crew, RobotPlan};
 pub use rule::{Restart, Rule};
 pub use run::{SuperviseError, run, run_prepared};
+pub use severity::{Cause, CauseKind, Clear, Severity};
+pub use simulated::{Chronicle, FaultRates, SupervisedHost};
 pub use state::{NodeState, RobotState};
 pub use status::{NodeStatus, Status};
+pub use supervise::supervise;
+pub use tree::{Seed, prepare};
 pub use wall::utc;

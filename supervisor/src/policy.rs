@@ -1,16 +1,30 @@
-//! What to do about births, deaths and requests: a pure state machine, the same in the live and the simulated host.
+//! What to do about births, deaths, silence and requests: a pure state machine, the same in the live and the simulated
+//! host.
 //!
 //! Events come in with the time; actions go out; no clock, no process, no file. Nodes start in groups, the highest
 //! `stop_group` first, and stop in the opposite order; a group waits until the ones before it are ready (or stopped).
-//! A node that dies is started again after its back-off, until its intensity is used up; then it is given up and the
-//! robot goes on degraded.
+//! A node that dies is started again after its back-off, or its warm standby takes over, alone or with its group, until
+//! the intensity is used up; then it is given up. What cannot be had, hangs, is silent or late puts the robot on a rung
+//! of the severity ladder: warn, limp, hold, stop; each cause says when it leaves it. An emergency stop never lets go by
+//! itself: there is no action for it.
 
+mod adopt;
+mod life;
+mod requests;
+mod unit;
+mod watch;
+
+pub use self::adopt::Adopted;
 use runtime::Time;
 
-use crate::backoff::{Intensity, RecentRestarts};
-use crate::event::{Action, Event, Incident, IncidentKind, Next};
-use crate::exit::Exit;
-use crate::rule::{Restart, Rule};
+use self::unit::{Intent, Standby, Unit};
+use crate::backoff::RecentRestarts;
+use crate::care::{Care, Group, Supervision};
+use crate::event::{Action, Event, Incident, IncidentKind};
+use crate::ladder::Ladder;
+use crate::reactions::Reactions;
+use crate::rule::Rule;
+use crate::severity::{Cause, Severity};
 use crate::state::{NodeState, RobotState};
 
 /// After SIGKILL even a process in the middle of a system call has this long, s, before the next group is stopped.
@@ -26,39 +40,50 @@ enum Phase {
 }
 
 #[derive(Debug, Clone)]
-struct Unit {
-    rule: Rule,
-    state: NodeState,
-    started: Time,
-    /// Until then later groups wait for this node; set by its first start, gone once it is ready or waited for.
-    ready_by: Option<Time>,
-    /// Set from a death until the node is ready again.
-    down_since: Option<Time>,
-    /// Restarts since the last healthy spell.
-    attempts: u32,
+struct Fate {
+    group: Group,
     recent: RecentRestarts,
+}
+
+/// What the host was last told about the robot's freedom to move.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+struct Told {
+    limp: bool,
+    hold: bool,
+    stop: bool,
 }
 
 /// The supervisor's mind.
 #[derive(Debug, Clone)]
 pub struct Policy {
     units: Vec<Unit>,
+    fates: Vec<Fate>,
+    ladder: Ladder,
+    reactions: Reactions,
+    told: Told,
     phase: Phase,
 }
 
 impl Policy {
     /// A policy for nodes with these rules, none of them started.
     pub fn new(rules: impl IntoIterator<Item = Rule>) -> Policy {
-        let unit = |rule: Rule| Unit {
-            rule,
-            state: NodeState::Waiting,
-            started: Time::ZERO,
-            ready_by: None,
-            down_since: None,
-            attempts: 0,
-            recent: RecentRestarts::new(rule.intensity),
-        };
-        Policy { units: rules.into_iter().map(unit).collect(), phase: Phase::Idle }
+        let nodes = rules.into_iter().map(Care::plain).collect();
+        Policy::supervising(Supervision { nodes, ..Supervision::default() })
+    }
+
+    /// A policy for all that the robot file says.
+    pub fn supervising(plan: Supervision) -> Policy {
+        let group_of = |node: usize| plan.groups.iter().position(|group| group.members.contains(&node));
+        let units = plan.nodes.iter().enumerate().map(|(node, &care)| Unit::new(care, group_of(node))).collect();
+        let fate = |group: Group| Fate { recent: RecentRestarts::new(group.intensity), group };
+        Policy {
+            units,
+            fates: plan.groups.into_iter().map(fate).collect(),
+            ladder: Ladder::default(),
+            reactions: Reactions::new(plan.reactions),
+            told: Told::default(),
+            phase: Phase::Idle,
+        }
     }
 
     /// Takes in what has happened and appends to `actions` what is to be done about it.
@@ -66,6 +91,7 @@ impl Policy {
         if self.phase == Phase::Done {
             return;
         }
+        let first = actions.len();
         match event {
             Event::Begin if self.phase == Phase::Idle => self.phase = Phase::Up,
             Event::Begin | Event::Timer => {}
@@ -74,9 +100,20 @@ impl Policy {
             Event::StopRequested if self.phase != Phase::Killing => self.phase = Phase::Stopping,
             Event::StopRequested => {}
             Event::KillRequested => self.phase = Phase::Killing,
+            Event::StandbyReady { node } => self.standby_ready(now, node, actions),
+            Event::StandbyDied { node, exit } => self.standby_died(now, node, exit, actions),
+            Event::Call(request) => self.call(now, request, actions),
+            watched => self.watched(now, watched, actions),
         }
         match self.phase {
-            Phase::Up => self.keep_up(now, actions),
+            Phase::Up => {
+                self.keep_up(now, actions);
+                self.react(now, actions);
+                // What reactions asked for has its own consequences.
+                self.keep_up(now, actions);
+                self.settle(now, first, actions);
+                self.finish_if_over(actions);
+            }
             Phase::Stopping | Phase::Killing => self.wind_down(now, actions),
             Phase::Idle | Phase::Done => {}
         }
@@ -84,14 +121,31 @@ impl Policy {
 
     /// When to come back with `Event::Timer`; always later than the `now` of the last event.
     pub fn next_timer(&self) -> Option<Time> {
-        let ready_by = |unit: &Unit| unit.ready_by.filter(|_| self.phase == Phase::Up);
-        let timers = self.units.iter().flat_map(|unit| [unit.state.timer(), ready_by(unit)]);
-        timers.flatten().min().filter(|_| self.phase != Phase::Done)
+        if self.phase == Phase::Done {
+            return None;
+        }
+        let states = self.units.iter().filter_map(|unit| unit.state.timer());
+        if self.phase != Phase::Up {
+            return states.min();
+        }
+        let watched = self.units.iter().flat_map(|unit| {
+            let absent = unit.absent_at().filter(|_| !unit.absent);
+            let regroups = matches!(unit.state, NodeState::Regrouping { .. }) && !self.group_is_held_up(unit.group);
+            let regroup = unit.group.filter(|_| regroups).and_then(|group| self.group_starts_at(group));
+            let standby = if let Standby::Pausing { until } = unit.standby { Some(until) } else { None };
+            [unit.ready_by, absent, unit.start_deadline(), unit.ease_at(), unit.trial, regroup, standby]
+        });
+        states.chain(watched.flatten()).chain(self.ladder.timer()).chain(self.reactions.timer()).min()
     }
 
     /// State of one node.
     pub fn node(&self, node: usize) -> NodeState {
         self.units[node].state
+    }
+
+    /// Number of nodes.
+    pub fn nodes(&self) -> usize {
+        self.units.len()
     }
 
     /// State of the robot.
@@ -105,70 +159,59 @@ impl Policy {
         }
     }
 
-    fn ready(&mut self, now: Time, node: usize, actions: &mut Vec<Action>) {
-        let unit = &mut self.units[node];
-        if let NodeState::Starting { .. } = unit.state {
-            unit.state = NodeState::Running { since: now };
-            unit.ready_by = None;
-            if let Some(died) = unit.down_since.take() {
-                notify(actions, node, now, IncidentKind::Recovered { down_s: now.since(died) });
-            }
-        }
+    /// The rung on which the robot stands.
+    pub fn severity(&self) -> Severity {
+        self.ladder.level()
     }
 
-    fn died(&mut self, now: Time, node: usize, exit: Exit, actions: &mut Vec<Action>) {
-        let stopping = self.phase != Phase::Up;
-        let unit = &mut self.units[node];
-        if !unit.state.is_alive() {
-            return;
-        }
-        let lived_s = now.since(unit.started);
-        if stopping {
-            let killed_by_us = matches!(unit.state, NodeState::Killing { .. } | NodeState::Unkillable);
-            unit.state = NodeState::Stopped;
-            if !exit.is_obedient() && !killed_by_us {
-                notify(actions, node, now, IncidentKind::Died { exit, lived_s, next: Next::Stop });
-            }
-            return;
-        }
-        let next = unit.after_death(now, exit);
-        unit.down_since.get_or_insert(now);
-        // What is to be told must not delay what is to be done, so the start comes first.
-        let at_once = next == Next::Restart { delay_s: 0.0 };
-        let down_s = if at_once { unit.start(node, now, actions) } else { None };
-        notify(actions, node, now, IncidentKind::Died { exit, lived_s, next });
-        match next {
-            Next::Restart { delay_s } if !at_once => unit.state = NodeState::Pausing { until: now.after_s(delay_s) },
-            Next::Restart { .. } => unit.tell_restart(node, now, down_s, actions),
-            Next::GiveUp { .. } => unit.end(NodeState::GivenUp),
-            Next::End | Next::Stop => unit.end(NodeState::Ended { success: exit.is_success() }),
-        }
+    /// What put it there.
+    pub fn causes(&self) -> &[Cause] {
+        self.ladder.causes()
     }
 
-    /// Starts what is due: pauses that are over, and the next group once those before it are ready.
+    /// Whether the emergency stop is latched as far as this policy goes.
+    pub fn latched(&self) -> bool {
+        self.ladder.latched()
+    }
+
+    /// Starts what is due: pauses that are over, groups, and the next stop group once those before it are ready.
     fn keep_up(&mut self, now: Time, actions: &mut Vec<Action>) {
         for (node, unit) in self.units.iter_mut().enumerate() {
             if matches!(unit.state, NodeState::Pausing { until } if until <= now) {
+                unit.recent.count(now);
                 let down_s = unit.start(node, now, actions);
                 unit.tell_restart(node, now, down_s, actions);
             }
             if unit.ready_by.is_some_and(|by| by <= now) {
                 unit.ready_by = None;
-                notify(actions, node, now, IncidentKind::NotReady { waited_s: unit.rule.ready_within_s });
+                notify(actions, node, now, IncidentKind::NotReady { waited_s: unit.care.rule.ready_within_s });
+                self.reactions.happened(node, crate::care::Condition::NotReady);
             }
+            unit.chase(node, now, actions);
         }
+        self.regroup(now, actions);
+        self.watch_over(now, actions);
         while let Some(group) = self.waiting_group() {
-            if self.units.iter().any(|unit| unit.rule.stop_group > group && unit.ready_by.is_some()) {
+            if self.units.iter().any(|unit| unit.care.rule.stop_group > group && unit.ready_by.is_some()) {
                 break;
             }
             for (node, unit) in self.units.iter_mut().enumerate() {
-                if unit.state == NodeState::Waiting && unit.rule.stop_group == group {
+                if unit.state == NodeState::Waiting && unit.care.rule.stop_group == group {
                     unit.start(node, now, actions);
                 }
             }
         }
+    }
+
+    /// Ends the run when nothing is left to supervise.
+    fn finish_if_over(&mut self, actions: &mut Vec<Action>) {
         let over = |unit: &Unit| matches!(unit.state, NodeState::Ended { .. } | NodeState::GivenUp);
         if self.units.iter().all(over) {
+            for (node, unit) in self.units.iter_mut().enumerate() {
+                if std::mem::take(&mut unit.standby).is_alive() {
+                    actions.push(Action::KillStandby { node });
+                }
+            }
             self.finish(actions);
         }
     }
@@ -178,27 +221,21 @@ impl Policy {
         use NodeState::*;
         let at_once = self.phase == Phase::Killing;
         for (node, unit) in self.units.iter_mut().enumerate() {
+            if std::mem::take(&mut unit.standby).is_alive() {
+                actions.push(Action::KillStandby { node });
+            }
             match unit.state {
-                Waiting | Pausing { .. } => unit.end(Stopped),
+                Waiting | Pausing { .. } | Regrouping { .. } => unit.end(Stopped),
                 Starting { .. } | Running { .. } | Terminating { .. } if at_once => unit.kill(node, now, actions),
-                Terminating { kill_at } if kill_at <= now => {
-                    unit.kill(node, now, actions);
-                    notify(actions, node, now, IncidentKind::Killed { grace_s: unit.rule.grace_s });
-                }
-                Killing { overdue_at } if overdue_at <= now => {
-                    unit.state = Unkillable;
-                    notify(actions, node, now, IncidentKind::Unkillable);
-                }
-                _ => {}
+                _ => unit.chase(node, now, actions),
             }
         }
         // A process that hangs in the kernel must not keep the drivers from stopping their devices.
         let holds_up = |unit: &&Unit| unit.state.is_alive() && unit.state != Unkillable;
-        let lowest = self.units.iter().filter(holds_up).map(|unit| unit.rule.stop_group).min();
+        let lowest = self.units.iter().filter(holds_up).map(|unit| unit.care.rule.stop_group).min();
         for (node, unit) in self.units.iter_mut().enumerate() {
-            if matches!(unit.state, Starting { .. } | Running { .. }) && Some(unit.rule.stop_group) == lowest {
-                unit.state = Terminating { kill_at: later(now, unit.rule.grace_s) };
-                actions.push(Action::Terminate { node });
+            if matches!(unit.state, Starting { .. } | Running { .. }) && Some(unit.care.rule.stop_group) == lowest {
+                unit.terminate(node, now, Intent::Stop, actions);
             }
         }
         if !self.units.iter().any(|unit| unit.state.is_alive()) {
@@ -214,66 +251,7 @@ impl Policy {
     /// The group to be started next.
     fn waiting_group(&self) -> Option<u8> {
         let waiting = |unit: &&Unit| unit.state == NodeState::Waiting;
-        self.units.iter().filter(waiting).map(|unit| unit.rule.stop_group).max()
-    }
-}
-
-impl Unit {
-    fn after_death(&mut self, now: Time, exit: Exit) -> Next {
-        let wanted = match self.rule.restart {
-            Restart::Always => true,
-            Restart::OnFailure => !exit.is_success(),
-            Restart::Never => false,
-        };
-        if !wanted {
-            return Next::End;
-        }
-        let Intensity { restarts, window_s } = self.rule.intensity;
-        if !self.recent.allows_another(now) {
-            return Next::GiveUp { restarts, window_s };
-        }
-        if matches!(self.state, NodeState::Running { since } if now.since(since) >= self.rule.backoff.healthy_s) {
-            self.attempts = 0;
-        }
-        let delay_s = self.rule.backoff.delay_s(self.attempts);
-        self.attempts += 1;
-        // Under a nanosecond is at once, because a pause must end later than now.
-        Next::Restart { delay_s: if delay_s >= 1e-9 { delay_s } else { 0.0 } }
-    }
-
-    /// Starts the process; tells how long the node was down if it is a restart.
-    fn start(&mut self, node: usize, now: Time, actions: &mut Vec<Action>) -> Option<f64> {
-        actions.push(Action::Start { node });
-        self.started = now;
-        let down_s = self.down_since.map(|died| now.since(died));
-        if down_s.is_some() {
-            self.recent.count(now);
-        }
-        if self.rule.reports_ready {
-            self.state = NodeState::Starting { since: now };
-            if down_s.is_none() {
-                self.ready_by = Some(later(now, self.rule.ready_within_s));
-            }
-        } else {
-            self.state = NodeState::Running { since: now };
-            self.down_since = None;
-        }
-        down_s
-    }
-
-    fn tell_restart(&self, node: usize, now: Time, down_s: Option<f64>, actions: &mut Vec<Action>) {
-        let kind = IncidentKind::Restarted { attempt: self.attempts, down_s: down_s.unwrap_or(0.0) };
-        notify(actions, node, now, kind);
-    }
-
-    fn kill(&mut self, node: usize, now: Time, actions: &mut Vec<Action>) {
-        self.state = NodeState::Killing { overdue_at: now.after_s(KILLED_WITHIN_S) };
-        actions.push(Action::Kill { node });
-    }
-
-    fn end(&mut self, state: NodeState) {
-        self.state = state;
-        self.ready_by = None;
+        self.units.iter().filter(waiting).map(|unit| unit.care.rule.stop_group).max()
     }
 }
 

@@ -13,6 +13,8 @@ pub enum NodeState {
     Running { since: Time },
     /// Dead, to be started again.
     Pausing { until: Time },
+    /// Dead, to be started again with its group, not before `until`.
+    Regrouping { until: Time },
     /// Asked to stop.
     Terminating { kill_at: Time },
     /// Killed, death not yet seen.
@@ -23,7 +25,7 @@ pub enum NodeState {
     Ended { success: bool },
     /// Died too often.
     GivenUp,
-    /// Ended because the robot stops.
+    /// Ended because the robot stops, or because somebody asked for it.
     Stopped,
 }
 
@@ -45,7 +47,7 @@ impl NodeState {
             NodeState::Waiting => "waiting",
             NodeState::Starting { .. } => "starting",
             NodeState::Running { .. } => "running",
-            NodeState::Pausing { .. } => "restarting",
+            NodeState::Pausing { .. } | NodeState::Regrouping { .. } => "restarting",
             NodeState::Terminating { .. } | NodeState::Killing { .. } => "stopping",
             NodeState::Unkillable => "unkillable",
             NodeState::Ended { success: true } => "finished",
@@ -67,7 +69,7 @@ impl NodeState {
 }
 
 /// State of the robot as a whole.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub enum RobotState {
     /// Some node has not been started yet.
     Starting,

@@ -314,7 +314,9 @@ impl World {
                     assert!(self.stopping && self.alive[node], "node {node} stopped without cause");
                 }
                 Action::Notify(_) => {}
-                Action::Done => {
+                // A given-up node is told with its cause; none of these lives asks for more.
+                other if other != Action::Done => panic!("{other:?}"),
+                _ => {
                     assert!(!self.alive.contains(&true), "done with living processes");
                     self.done = true;
                 }

@@ -6,11 +6,11 @@ use std::fmt::Write;
 
 /// Every command under what it is for. A test holds this list to the commands that there are.
 const GROUPS: [(&str, &[&str]); 5] = [
-    ("Run a robot", &["run", "drive", "goto", "mode", "down", "simulate", "barn"]),
+    ("Run a robot", &["run", "drive", "goto", "mode", "down", "estop", "reset", "resume", "simulate", "barn"]),
     ("Look at a running robot", &["ls", "cat", "hz", "logs", "call"]),
     ("Record, and see again", &["record", "info", "play", "replay", "recover"]),
     ("Look at a robot file", &["check", "graph", "schema"]),
-    ("Look at this machine", &["doctor", "bench", "experiments"]),
+    ("Look at this machine", &["doctor", "bench", "experiments", "chaos"]),
 ];
 
 const BOLD: &str = "\x1b[1m";
@@ -143,6 +143,31 @@ Examples:
   sinew down pioneer --timeout 30s
 
 JSON (--json): robot, stopped, took_s.";
+
+pub const ESTOP: &str = "\
+Examples:
+  sinew estop                     stops the only running robot at once
+  sinew estop pioneer --reason 'a child in the corridor'
+  sinew estop --show              where the stop latch stands, and who wanted it
+
+Anyone may stop a robot; it takes no privilege. The word goes straight to the guard, which wakes drivers and motion; where
+a driver is dead or does not obey, the guard writes the device's stop itself. The stop outlives every process of the
+robot, and a power cycle.
+
+JSON (--json): robot, state (run, stopping, latched, armed), changes, sources [{name, reason, held, unix_ms, pid, uid}],
+took_s (until the guard's answer).";
+
+pub const RESET: &str = "\
+Examples:
+  sinew reset                     makes a stopped robot ready again; it does not move before `sinew resume`
+
+Refused while the cause of a stop is still there, and while not every wheel is known to stand. JSON (--json): as `estop`.";
+
+pub const RESUME: &str = "\
+Examples:
+  sinew resume                    lets a robot go that was reset, or that was started with `sinew run --stand`
+
+JSON (--json): as `estop`.";
 
 pub const LS: &str = "\
 Examples:
@@ -292,6 +317,27 @@ pub const NODE: &str = "\
 Examples:
   sinew node --root /dev/shm/sinew/pioneer /drivers/base    a node alone, for a debugger";
 
+pub const CHAOS: &str = "\
+Examples:
+  sinew chaos --for 60s                          hurts the built-in Pioneer for a minute while it wanders
+  sinew chaos robots/pioneer --for 10m --json    kills, stops, hangs, spins and feeds any process, about one every 2 s
+
+Every process may be hit: nodes, supervisor, guard. Not the root of the process tree, which is never replaced, nor the
+simulated world, which is the reality that the others live in.
+
+JSON (--json): faults, contacts_caused, leaks (processes, files, descriptors), recovery_ms {p50, p99, max} from the fault
+to the successor's first sign of life, recovered, not_recovered [..], leaked [..], contacts_per_fault_below (3/n),
+faults_by_kind, faults_by_process, distance_m, lasted_s, seed.
+Exit code 4 when the robot caused a contact, something leaked, or somebody did not come back.";
+
+pub const TREE: &str = "\
+Examples:
+  sinew tree                      reads a launch and becomes the root of its process tree; for `sinew run` alone";
+
+pub const SUPERVISE: &str = "\
+Examples:
+  sinew supervise --root /dev/shm/sinew/pioneer    for the root of a process tree alone";
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -340,7 +386,7 @@ mod tests {
         let command = CommandLine::command();
         for name in [
             "ls", "cat", "hz", "call", "logs", "check", "graph", "doctor", "simulate", "bench", "record", "info",
-            "play", "replay", "recover",
+            "play", "replay", "recover", "estop", "reset", "resume",
         ] {
             let found = command.find_subcommand(name).expect("it is a command");
             assert!(found.get_arguments().any(|a| a.get_long() == Some("json")), "{name} has no --json");

@@ -2,11 +2,12 @@
 
 use crate::exit::{CHECK, Failure, USAGE};
 use crate::load::{self, Changes};
-use crate::simulation::{self, Run, RunResult};
+use crate::simulation::{self, FaultResult, Run, RunResult};
 use runtime::NodeType;
 use serde::Serialize;
 use std::io::{IsTerminal, Write};
 use std::path::PathBuf;
+use supervisor::FaultRates;
 
 /// Runs a robot on virtual time, faster than real time and the same for the same seed
 #[derive(Debug, clap::Args)]
@@ -19,6 +20,9 @@ pub struct Args {
     /// Simulated time of each run, as in 300s, 5min or 1h
     #[arg(long = "for", default_value = "60s", value_name = "TIME")]
     length: String,
+    /// Injects faults from the seed: "chaos", rates per minute as in deaths=10,hangs=4,lost_bytes=0.02, or a TOML file
+    #[arg(long, value_name = "RATES")]
+    faults: Option<String>,
     /// Threads; without it all cores. The results do not depend on it
     #[arg(long)]
     jobs: Option<usize>,
@@ -29,7 +33,7 @@ pub struct Args {
     #[arg(long, value_name = "FILE")]
     svg: Option<PathBuf>,
     /// Records every run for `sinew replay`; where there are several, FILE-SEED.mcap
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", conflicts_with = "faults")]
     record: Option<PathBuf>,
     #[command(flatten)]
     changes: Changes,
@@ -51,12 +55,13 @@ pub fn run(args: Args, types: &[NodeType]) -> Result<(), Failure> {
         let text = format!("robot \"{}\" has no simulator node: there is nothing to simulate it in", robot.name);
         return Err(Failure::new(CHECK, text));
     }
+    let faults = args.faults.as_deref().map(parse_faults).transpose()?;
     let jobs = args.jobs.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, usize::from));
     let count = seeds.end - seeds.start;
     let progress = std::io::stderr().is_terminal() && count > 1;
     let several = count > 1;
     let record = |seed| args.record.as_deref().map(|file| recording_of(file, seed, several));
-    let runs = simulation::run_all(&robot, seeds, seconds, jobs, &record, &|done| {
+    let runs = simulation::run_all(&robot, seeds, seconds, faults, jobs, &record, &|done| {
         if progress {
             eprint!("\r{done}/{count} runs");
             let _ = std::io::stderr().flush();
@@ -115,6 +120,9 @@ fn print_table(out: &mut impl Write, runs: &[Run], total: &RunResult, seconds: f
         let sum = |cause: usize| runs.iter().map(|run| run.contacts[cause]).sum();
         row(out, "all".into(), [sum(0), sum(1), sum(2)], total)?;
     }
+    if let Some(faults) = &total.faults {
+        print_faults(out, faults, runs.len(), total)?;
+    }
     writeln!(out, "{} runs of {seconds} s; contacts by cause; speed is the mean while moving (over 1 cm/s)", runs.len())
 }
 
@@ -125,6 +133,52 @@ fn recording_of(file: &std::path::Path, seed: u64, several: bool) -> PathBuf {
     }
     let stem = file.file_stem().unwrap_or_default().to_string_lossy();
     file.with_file_name(format!("{stem}-{seed}.mcap"))
+}
+
+fn print_faults(out: &mut impl Write, faults: &FaultResult, runs: usize, total: &RunResult) -> std::io::Result<()> {
+    let [deaths, hangs, slowdowns, bursts, stops, supervisor] = faults.injected;
+    let [limps, holds, latched] = faults.limps_holds_stops;
+    let [p50, p99, greatest] = faults.recovery_ms;
+    writeln!(
+        out,
+        "faults: {deaths} deaths, {hangs} hangs, {slowdowns} slow-downs, {bursts} bursts of lost bytes, {stops} \
+         emergency stops, {supervisor} deaths of the supervisor"
+    )?;
+    writeln!(
+        out,
+        "answers: {} restarts (p50 {p50:.1} ms, p99 {p99:.1} ms, greatest {greatest:.1} ms), {} given up; limp mode \
+         {limps} times, held {holds} times, emergency stop {latched} times",
+        faults.restarts, faults.given_up
+    )?;
+    writeln!(
+        out,
+        "emergency stops let go by themselves: {}; commands to move under one: {}",
+        faults.stops_let_go, faults.moves_while_stopped
+    )?;
+    match total.failing_seeds.as_slice() {
+        [] => writeln!(
+            out,
+            "no contact caused in {runs} runs: with 95 % confidence fewer than {:.2e} runs have one",
+            3.0 / runs as f64
+        ),
+        failing => writeln!(out, "failing seeds, each replays exactly: {failing:?}"),
+    }
+}
+
+/// Rates in words, in a list, or in a file.
+fn parse_faults(text: &str) -> Result<FaultRates, Failure> {
+    if text == "chaos" {
+        return Ok(FaultRates::CHAOS);
+    }
+    let failed = |reason: String| Failure::new(USAGE, format!("--faults {text}: {reason}"));
+    let toml = match text.contains('=') {
+        true => text.replace(',', "\n"),
+        false => {
+            std::fs::read_to_string(text).map_err(|e| failed(format!("{e}; write \"chaos\", KEY=VALUE,… or a file")))?
+        }
+    };
+    let rates: FaultRates = toml::from_str(&toml).map_err(|e| failed(e.message().to_owned()))?;
+    rates.flaw().map_or(Ok(rates), |flaw| Err(failed(flaw)))
 }
 
 fn parse_seeds(text: &str) -> Result<std::ops::Range<u64>, Failure> {

@@ -73,6 +73,9 @@ fn stop_reason(motion: &MotionState) -> Option<&'static str> {
         4 => Some("bumper"),
         5 => Some("wheel stalled"),
         6 => Some("base not ready"),
+        7 => Some("held by the supervisor"),
+        8 => Some("limp mode"),
+        9 => Some("stop latch"),
         _ => Some("unknown reason"),
     }
 }

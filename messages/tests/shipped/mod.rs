@@ -17,6 +17,7 @@ macro_rules! every_message {
             GotoPath
             GotoProgress
             GotoResult
+            GovernorState
             Image
             InputCursor
             LaserScan
@@ -26,6 +27,7 @@ macro_rules! every_message {
             MoveProgress
             MoveRequest
             NodeStatistics
+            Notice
             Odometry
             Proposal
             ProtectiveStop
@@ -39,6 +41,7 @@ macro_rules! every_message {
             Sound
             StepEvents
             StepInputs
+            SupervisorState
             Switch
             Track
             Tracks

@@ -46,6 +46,7 @@
 use super::atomic::{AtomicU64, Ordering};
 use super::error::ChannelError;
 use super::ring;
+use messages::Message;
 
 #[cfg(not(all(target_pointer_width = "64", target_endian = "little")))]
 compile_error!("channels need a 64-bit little-endian target: slots are shared as 8-byte atomic words");
@@ -105,6 +106,20 @@ pub struct Geometry {
 }
 
 impl Geometry {
+    /// The geometry of a channel of `M`, with room for `tail_capacity` tail elements.
+    pub fn of<M: Message>(tail_capacity: usize, depth: usize) -> Geometry {
+        let schema = M::schema();
+        Geometry {
+            type_name: M::NAME.into(),
+            layout_hash: schema.hash(),
+            schema: schema.to_text(),
+            fixed_bytes: size_of::<M>(),
+            tail_element_bytes: if M::HAS_TAIL { size_of::<M::Tail>() } else { 0 },
+            tail_capacity: if M::HAS_TAIL { tail_capacity } else { 0 },
+            depth,
+        }
+    }
+
     /// Whether samples can be carried from a ring of geometry `self` into one of `other`: only depth and tail capacity
     /// may differ.
     pub(super) fn same_layout(&self, other: &Geometry) -> bool {

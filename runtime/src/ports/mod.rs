@@ -11,7 +11,7 @@ pub use reader::{Reader, Sample, Set};
 pub use writer::Writer;
 
 pub(crate) use input::Input;
-pub(crate) use writer::Output;
+pub(crate) use writer::{Doom, Output};
 
 use crate::calls::{CallPort, Caller, OrderPort, Target};
 use crate::channel::{Claim, Expect, Geometry, Tree};
@@ -20,9 +20,10 @@ use crate::journal::{Journal, Note};
 use crate::node::{AnyNode, OpenError};
 use crate::path;
 use crate::pump::PumpBuilder;
-use crate::robot::{Body, NodeSpec, Resources, Robot};
+use crate::robot::{Body, Limp, NodeSpec, ReadWire, Resources, Robot};
+use crate::stop::{Keepsake, LatchCell, StopLatch, StopSource};
 use crate::time::Time;
-use messages::{InputCursor, Message, path_number};
+use messages::{InputCursor, Message, SupervisorState, path_number};
 use std::cell::Cell;
 use std::rc::Rc;
 
@@ -58,6 +59,11 @@ pub struct Declaration {
     pub layout_hash: u64,
 }
 
+/// Where the supervisor says what the robot may do.
+pub const SUPERVISOR_STATE: &str = "/supervisor/robot/state";
+/// Depth of that channel.
+pub const STATE_DEPTH: usize = 64;
+
 /// How deep a ring is where the robot file says nothing.
 const DEPTH: usize = 64;
 /// Rings with long tails are shallower: this many bytes where the robot file says nothing.
@@ -78,12 +84,14 @@ pub(crate) enum Devices {
 pub struct Ports {
     spec: NodeSpec,
     body: Body,
+    limp: Option<Limp>,
     resources: Resources,
     seed: u64,
     now: Rc<Cell<Time>>,
     declared: Vec<Declaration>,
     inputs: Vec<Rc<Input>>,
     outputs: Vec<Rc<Output>>,
+    doom: Rc<Doom>,
     place: Devices,
     /// The memory links that bring bytes to this node, and which way.
     pub(crate) incoming: Vec<(MemoryLink, Direction)>,
@@ -92,6 +100,8 @@ pub struct Ports {
     journal: Option<Journal>,
     /// Devices, commands and callers so far: their numbers in the journal.
     counts: [usize; 3],
+    pub(crate) latch: Rc<LatchCell>,
+    pub(crate) keepsake: Keepsake,
 }
 
 /// Places in [`Ports::counts`].
@@ -106,16 +116,20 @@ impl Ports {
             seed: node_seed(seed, &spec.path()),
             spec: spec.clone(),
             body: robot.body,
+            limp: robot.limp.clone(),
             resources: robot.resources.clone(),
             now: Rc::new(Cell::new(Time::ZERO)),
             declared: Vec::new(),
             inputs: Vec::new(),
             outputs: Vec::new(),
+            doom: Rc::default(),
             place,
             incoming: Vec::new(),
             pump: PumpBuilder::new(&spec.path()),
             journal: None,
             counts: [0; 3],
+            latch: Rc::default(),
+            keepsake: Keepsake::default(),
         }
     }
 
@@ -206,7 +220,7 @@ impl Ports {
         tail_capacity: usize,
     ) -> Result<Writer<M>, OpenError> {
         self.declare::<M>(port, PortKind::Write)?;
-        let output = Rc::new(Output::new::<M>(&self.spec, port, tail_capacity, None));
+        let output = Rc::new(Output::new::<M>(&self.spec, port, tail_capacity, None, self.doom.clone()));
         self.outputs.push(output.clone());
         Ok(Writer::new(output))
     }
@@ -302,6 +316,39 @@ impl Ports {
         Ok(caller)
     }
 
+    /// The stop latch, for a node that moves something: it must not while the latch does not allow it. A change of the
+    /// latch releases a step.
+    pub fn stop_latch(&mut self) -> StopLatch {
+        self.latch.declared.set(true);
+        StopLatch(self.latch.clone())
+    }
+
+    /// The right to stop the robot in this node's name, for one of these reasons.
+    pub fn stop_source(&mut self, reasons: &'static [&'static str]) -> StopSource {
+        let source = StopSource::new(self.spec.path(), reasons);
+        self.pump.stop_source(&source.0);
+        source
+    }
+
+    /// A few bytes that outlive this node's process. What a predecessor left can be read from `start` on.
+    pub fn keepsake(&mut self) -> Keepsake {
+        self.keepsake.clone()
+    }
+
+    /// What the supervisor lets the robot do now: always wired, and without a sample where nobody supervises.
+    pub fn supervision(&mut self) -> Reader<SupervisorState> {
+        let expect = Expect { type_name: SupervisorState::NAME.into(), layout_hash: SupervisorState::layout_hash() };
+        let wire = ReadWire { from: vec![SUPERVISOR_STATE.into()], max_age_ns: u64::MAX, return_after_ns: 0 };
+        let input = Rc::new(Input::new("supervision", false, expect, Some(wire)));
+        self.inputs.push(input.clone());
+        Reader::new(input, self.now.clone())
+    }
+
+    /// What remains in limp mode, where the robot has one.
+    pub fn limp(&self) -> Option<&Limp> {
+        self.limp.as_ref()
+    }
+
     /// The robot's body.
     pub fn body(&self) -> &Body {
         &self.body
@@ -332,6 +379,11 @@ impl Ports {
         &self.declared
     }
 
+    /// The moment of this node's simulated death.
+    pub(crate) fn doom(&self) -> &Doom {
+        &self.doom
+    }
+
     /// Geometry of each written path.
     pub(crate) fn outputs(&self) -> &[Rc<Output>] {
         &self.outputs
@@ -344,7 +396,7 @@ impl Ports {
         tail_capacity: usize,
         depth: usize,
     ) -> Writer<M> {
-        let output = Rc::new(Output::new::<M>(&self.spec, port, tail_capacity, Some(depth)));
+        let output = Rc::new(Output::new::<M>(&self.spec, port, tail_capacity, Some(depth), self.doom.clone()));
         self.outputs.push(output.clone());
         Writer::new(output)
     }
@@ -390,6 +442,7 @@ impl Ports {
     /// Fixes what the step at `now` can see.
     pub(crate) fn freeze(&self, now: Time) {
         self.now.set(now);
+        self.latch.freeze();
         for input in &self.inputs {
             input.freeze(now);
         }
@@ -398,7 +451,13 @@ impl Ports {
 
 impl Output {
     /// `own_depth` is that of a path of the runtime's own.
-    fn new<M: Message>(spec: &NodeSpec, port: &'static str, tail_capacity: usize, own_depth: Option<usize>) -> Output {
+    fn new<M: Message>(
+        spec: &NodeSpec,
+        port: &'static str,
+        tail_capacity: usize,
+        own_depth: Option<usize>,
+        doom: Rc<Doom>,
+    ) -> Output {
         let schema = M::schema();
         let tail_element_bytes = if M::HAS_TAIL { size_of::<M::Tail>() } else { 0 };
         let tail_capacity = if M::HAS_TAIL { tail_capacity } else { 0 };
@@ -426,6 +485,7 @@ impl Output {
             writer: std::cell::RefCell::new(None),
             cut: Cell::new(0),
             lost: Cell::new(false),
+            doom,
         }
     }
 }

@@ -1,6 +1,6 @@
 //! Typed written ports.
 
-use crate::channel::{Claim, Geometry, RawWriter, Tree};
+use crate::channel::{Claim, Death, Geometry, RawWriter, Tree};
 use crate::node::OpenError;
 use crate::time::Time;
 use messages::{Message, bytemuck};
@@ -21,6 +21,42 @@ pub(crate) struct Output {
     pub(crate) cut: Cell<u64>,
     /// The path has been taken over or damaged: nobody reads what is written here any more.
     pub(crate) lost: Cell<bool>,
+    pub(crate) doom: Rc<Doom>,
+}
+
+/// The moment at which a simulated node dies, shared by all its outputs.
+#[derive(Debug)]
+pub(crate) struct Doom {
+    /// Samples that it still publishes; none is due where it is greatest.
+    left: Cell<u32>,
+    when: Cell<Death>,
+    dead: Cell<bool>,
+}
+
+impl Default for Doom {
+    fn default() -> Doom {
+        Doom { left: Cell::new(u32::MAX), when: Cell::new(Death::BeforeHead), dead: Cell::new(false) }
+    }
+}
+
+impl Doom {
+    /// The node dies while it publishes its `writes`-th sample from now on, counted from 0.
+    pub(crate) fn arm(&self, writes: u32, when: Death) {
+        self.left.set(writes);
+        self.when.set(when);
+    }
+
+    /// Whether the sample that is to be published now is the fatal one.
+    fn strikes(&self) -> bool {
+        match self.left.get() {
+            u32::MAX => false,
+            0 => true,
+            left => {
+                self.left.set(left - 1);
+                false
+            }
+        }
+    }
 }
 
 impl Output {
@@ -60,6 +96,18 @@ impl<M: Message> Writer<M> {
 
     /// Publishes `message` with its variable part. A longer tail than the port's capacity is cut, and counted.
     pub fn write_with_tail(&mut self, stamp: Time, message: &M, tail: &[M::Tail]) {
+        let doom = &self.output.doom;
+        if doom.dead.get() {
+            return;
+        }
+        if doom.strikes() {
+            doom.dead.set(true);
+            if let Some(writer) = self.output.writer.borrow_mut().take() {
+                let (fixed, tail) = (bytemuck::bytes_of(message), bytemuck::cast_slice(tail));
+                writer.die_publishing(doom.when.get(), stamp.nanos(), fixed, tail);
+            }
+            return;
+        }
         if let Some(writer) = self.output.writer.borrow_mut().as_mut() {
             let published = writer.publish(stamp.nanos(), bytemuck::bytes_of(message), bytemuck::cast_slice(tail));
             if published.lost {

@@ -1,5 +1,6 @@
 //! The robot file as it is written: TOML tables, before anything is looked up or checked against node types.
 
+use super::care::{CareTable, Limp, Period, SupervisionTable};
 use schemars::JsonSchema;
 use serde::Deserialize;
 use serde::de::{self, MapAccess, SeqAccess, Visitor};
@@ -21,6 +22,12 @@ pub struct RobotFile {
     /// Records every run of the robot.
     #[serde(default)]
     pub record: Option<RecordTable>,
+    /// What remains when a node that matters cannot be had.
+    #[serde(default)]
+    pub limp: Option<Limp>,
+    /// Nodes that share a fate, and what follows conditions.
+    #[serde(default)]
+    pub supervision: SupervisionTable,
     /// The nodes by instance name; the name is the second part of every path that the node writes.
     #[serde(default)]
     pub nodes: BTreeMap<String, NodeTable>,
@@ -161,9 +168,9 @@ pub struct NodeTable {
     /// Node type, as `sinew check --types` lists them.
     #[serde(rename = "type")]
     pub kind: String,
-    /// Step on this grid [ms].
+    /// Step on this grid [ms]; { min, max } where the governor may stretch it.
     #[serde(default)]
-    pub period_ms: Option<f64>,
+    pub period_ms: Option<Period>,
     /// Step when a sample arrives on one of these read ports; "device" for bytes of the node's device.
     #[serde(default)]
     pub trigger: Triggers,
@@ -182,6 +189,15 @@ pub struct NodeTable {
     /// What follows when it ends.
     #[serde(default)]
     pub restart: Restart,
+    /// Hangs, silence, standbys, and what its loss means for the robot.
+    #[serde(default)]
+    pub care: Option<CareTable>,
+    /// How little the robot can do without it, 0 to 100: the governor stretches and suspends the least important first.
+    #[serde(default)]
+    pub importance: Option<u8>,
+    /// Longest execution of a step that is reckoned with before any was measured [ms].
+    #[serde(default)]
+    pub budget_ms: Option<f64>,
     /// Sources of the read ports.
     #[serde(default)]
     pub reads: BTreeMap<String, ReadTable>,

@@ -1,5 +1,6 @@
 //! A robot file after reading: names checked, node types looked up, times in nanoseconds, nodes in flow order.
 
+use super::care::{self, CareTable, Limp, Period, SupervisionTable};
 use super::error::{RobotError, nearest_advice};
 use super::file::{Body, Missed, NodeTable, RealtimeTable, RecordTable, Restart, RobotFile};
 use super::locate::{locate, value_at};
@@ -27,6 +28,10 @@ pub struct Robot {
     pub realtime: RealtimeTable,
     /// Whether its runs are recorded, and how.
     pub record: Option<RecordTable>,
+    /// What remains when a node that matters cannot be had.
+    pub limp: Option<Limp>,
+    /// Nodes that share a fate, and what follows conditions.
+    pub supervision: SupervisionTable,
     /// Its nodes in flow order: by layer, then by name.
     pub nodes: Vec<NodeSpec>,
 }
@@ -42,6 +47,8 @@ pub struct NodeSpec {
     pub triggers: Vec<String>,
     /// Grid of releases [ns].
     pub period_ns: Option<u64>,
+    /// The longest period that the governor may stretch it to [ns]; `period_ns` where it may not.
+    pub longest_period_ns: Option<u64>,
     /// Deadline after the release [ns].
     pub deadline_ns: Option<u64>,
     /// What to do about missed periods.
@@ -52,6 +59,12 @@ pub struct NodeSpec {
     pub process: Option<String>,
     /// What follows when it ends.
     pub restart: Restart,
+    /// Hangs, silence, standbys, and what its loss means for the robot.
+    pub care: CareTable,
+    /// How little the robot can do without it, 0 to 100.
+    pub importance: u8,
+    /// Longest execution of a step that is reckoned with before any was measured [ns].
+    pub budget_ns: Option<u64>,
     /// Sources of the read ports.
     pub reads: BTreeMap<String, ReadWire>,
     /// Targets of callers: path of the node, command.
@@ -115,6 +128,7 @@ impl Robot {
             errors.push(place(&["robot", "name"], reason));
         }
         check_body(&written.body, &mut |key, reason| errors.push(place(&["body", key], reason)));
+        care::check(&written, &mut |keys, reason, advice| errors.push(place(keys, reason).advise(advice)));
         let mut nodes = Vec::new();
         for (instance, table) in &written.nodes {
             match node_spec(instance, table, types, text, file) {
@@ -126,7 +140,7 @@ impl Robot {
         if !errors.is_empty() {
             return Err(errors);
         }
-        let RobotFile { robot, body, realtime, record, .. } = written;
+        let RobotFile { robot, body, realtime, record, limp, supervision, .. } = written;
         if record.as_ref().is_some_and(|record| record.inputs) {
             nodes.iter_mut().for_each(|node| node.record_inputs = true);
         }
@@ -139,6 +153,8 @@ impl Robot {
             body,
             realtime,
             record,
+            limp,
+            supervision,
             nodes,
         })
     }
@@ -246,11 +262,20 @@ fn node_spec(
         }
         Some((ms * 1e6).round() as u64)
     };
-    let period_ns = nanos("period_ms", table.period_ms, 0.05);
+    let period_ns = nanos("period_ms", table.period_ms.map(Period::wanted_ms), 0.05);
+    let longest_period_ns = nanos("period_ms", table.period_ms.map(Period::longest_ms), 0.05);
+    let budget_ns = nanos("budget_ms", table.budget_ms, 0.0);
     let deadline_ns = nanos("deadline_ms", table.deadline_ms, 0.0);
     if table.period_ms.is_none() && table.trigger.0.is_empty() {
         let reason = format!("node \"{instance}\" would never step: it has neither period_ms nor trigger");
         errors.push(place(&[], reason));
+    }
+    if longest_period_ns < period_ns {
+        errors.push(place(&["period_ms"], "the longest period is shorter than the shortest: swap min and max".into()));
+    }
+    let importance = table.importance.unwrap_or(50);
+    if importance > 100 {
+        errors.push(place(&["importance"], format!("importance is {importance}: it must lie between 0 and 100")));
     }
     let priority = table.priority.unwrap_or(50);
     if !(1..=89).contains(&priority) {
@@ -316,11 +341,15 @@ fn node_spec(
         kind,
         triggers: table.trigger.0.clone(),
         period_ns,
+        longest_period_ns,
         deadline_ns,
         missed: table.missed,
         priority,
         process: table.process.clone(),
         restart: table.restart,
+        care: table.care.clone().unwrap_or_default(),
+        importance,
+        budget_ns,
         reads,
         calls,
         depth,

@@ -13,6 +13,7 @@ mod report;
 mod scratch;
 mod simulate;
 mod simulator;
+mod supervision;
 mod timing;
 mod tracking;
 mod witness;
@@ -43,7 +44,7 @@ pub struct Args {
     /// Folder of the data that perception and tracking want, with leg-tracker/, csail/, dynabarn/ in it
     #[arg(long, global = true, value_name = "DIR")]
     data: Option<PathBuf>,
-    /// How long idle, reflex and record measure, as in 20s
+    /// How long idle, reflex, record and supervision measure, as in 20s
     #[arg(long = "for", global = true, value_name = "TIME")]
     length: Option<String>,
 }
@@ -66,6 +67,8 @@ enum What {
     Tracking,
     /// What recording a live robot with 5 MB/s costs, and whether its control becomes later by it
     Record,
+    /// From a death, a hang or an emergency stop to what answers it, on the whole live robot
+    Supervision,
     /// All of them, one after another, as without a word
     All,
     /// The answering process of `channel`
@@ -82,6 +85,8 @@ const IDLE_S: f64 = 10.0;
 const REFLEX_S: f64 = 20.0;
 /// Time that is recorded [s].
 const RECORD_S: f64 = 20.0;
+/// Time that deaths are measured, without the emergency stops [s].
+const SUPERVISION_S: f64 = 90.0;
 /// Runs the bench and prints what it found.
 pub fn run(args: Args, types: &[NodeType]) -> Result<(), Failure> {
     let length_s = args.length.as_deref().map(parse_seconds).transpose();
@@ -99,6 +104,7 @@ pub fn run(args: Args, types: &[NodeType]) -> Result<(), Failure> {
     let simulator = || simulator::run(part);
     let tracking = || tracking::run(args.data.as_deref(), part);
     let record = || record::run(robot, length_s.unwrap_or(RECORD_S * part.max(0.2)), types);
+    let supervision = || supervision::run(robot, length_s.unwrap_or(SUPERVISION_S * part), part, types);
     let benches: Vec<&dyn Fn() -> Result<Report, Failure>> = match &what {
         What::Channel => vec![&channel],
         What::Idle => vec![&idle],
@@ -108,6 +114,7 @@ pub fn run(args: Args, types: &[NodeType]) -> Result<(), Failure> {
         What::Simulator => vec![&simulator],
         What::Tracking => vec![&tracking],
         What::Record => vec![&record],
+        What::Supervision => vec![&supervision],
         What::All => vec![&channel, &idle, &reflex, &simulate, &simulator, &record],
         What::Partner(partner) => return channel::partner::run(partner),
         What::SimulatorRow(row) => return simulator::row::run(row, types),

@@ -27,10 +27,10 @@ pub fn run(file: Option<&Path>, part: f64, types: &[NodeType]) -> Result<Report,
     let mut times = Times::with_room_for(runs as usize);
     let (mut by_wall, mut by_core) = (Vec::new(), Vec::new());
     // The first run pays for what the others find in the caches: it does not count.
-    simulation::run(&robot, 0, 1.0)?;
+    simulation::run(&robot, 0, 1.0, None)?;
     for seed in 0..runs {
         let (begin, begin_ns) = (clock::now(), own_thread_ns());
-        simulation::run(&robot, seed, RUN_S)?;
+        simulation::run(&robot, seed, RUN_S, None)?;
         let (end, end_ns) = (clock::now(), own_thread_ns());
         times.push(begin, end);
         by_wall.push(RUN_S / end.since(begin).max(1e-9));

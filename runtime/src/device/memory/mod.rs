@@ -103,6 +103,14 @@ impl MemoryLink {
         lock(&self.line).lane(direction).next_last(after.nanos())
     }
 
+    /// Becomes the client's end, as who holds a duplicate of a dead client's descriptor does, and sends `bytes`.
+    pub fn take_over_client(&self, now: Time, bytes: &[u8]) {
+        let mut line = lock(&self.line);
+        line.move_in(Direction::ToServer, None);
+        // A device that is gone, too, cannot be stopped.
+        let _ = line.send(now.nanos(), Direction::ToServer, bytes);
+    }
+
     /// Every byte arrives as it was sent again.
     pub fn clear_fault(&self) {
         lock(&self.line).fault = None;

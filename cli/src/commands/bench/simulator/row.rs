@@ -114,10 +114,10 @@ fn whole(more: usize, args: &Args, types: &[NodeType]) -> Result<Measured, Failu
             robot.nodes.push(spec);
         }
     }
-    simulation::run(&robot, 0, 1.0)?;
+    simulation::run(&robot, 0, 1.0, None)?;
     let mut seed = 0;
     measure(args, RUN_S, || {
-        simulation::run(&robot, seed, RUN_S)?;
+        simulation::run(&robot, seed, RUN_S, None)?;
         seed += 1;
         Ok(())
     })
