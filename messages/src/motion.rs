@@ -154,10 +154,12 @@ pub enum Stop {
     Stall = 5,
     /// The base is not ready (link lost, motors off).
     Base = 6,
+    /// The stop latch does not allow motion.
+    Latch = 7,
     /// The supervisor holds the robot.
-    Held = 7,
+    Held = 8,
     /// Limp mode: the speed is limited.
-    Limp = 8,
+    Limp = 9,
 }
 
 /// What motion made of the wanted velocity, and why.
@@ -175,7 +177,7 @@ pub struct MotionState {
     /// Clear distance along the swept footprint in the wanted direction; +∞ when nothing was seen [m].
     pub clear_m: f64,
     /// Why the body is held back; see [`Stop`].
-    #[message(values = "none stale_velocity blind zone bumper stall base held limp")]
+    #[message(values = "none stale_velocity blind zone bumper stall base latch held limp")]
     pub stop: u32,
     /// Protective stops so far.
     pub stops: u32,

@@ -5,7 +5,9 @@
 //! (optional: to carry what was seen to now), `timing` and `driver_timing` (optional: how this node and the driver kept
 //! time in this run). Writes `command` and `state`.
 //!
-//! In this order: nothing or a stale velocity is zero; what the supervisor lets through ([`crate::restraint`]); greatest speeds; barred directions after a bump or a stall; the
+//! The stop latch stands above all: while it does not allow motion, zero is sent at once, and no power is wanted.
+//! Otherwise, in this order: nothing or a stale velocity is zero; what the supervisor lets through
+//! ([`crate::restraint`]); greatest speeds; barred directions after a bump or a stall; the
 //! blind cap where no ranger looks; the stop zone along the swept footprint ([`crate::zone`]); ramps. Whatever is
 //! missing makes the result slower, never faster.
 
@@ -15,7 +17,7 @@ use crate::reaction::Reaction;
 use crate::restraint::{LimpLimits, explain, restrain};
 use crate::safe_motion::{SafeMotion, Surroundings};
 use messages::{BaseState, Command, MotionState, NodeStatistics, Odometry, Ranges, SupervisorState, Twist};
-use runtime::{Fault, Layer, Node, OpenError, Ports, Reader, Set, Time, Writer};
+use runtime::{Fault, Layer, Node, OpenError, Ports, Reader, Set, StopLatch, Time, Writer};
 use schemars::JsonSchema;
 use serde::Deserialize;
 
@@ -103,6 +105,7 @@ pub struct Drive {
     reaction: Reaction,
     command: Writer<Command>,
     state: Writer<MotionState>,
+    latch: StopLatch,
     obstacles: Obstacles,
     /// Tells whether the set of ranges is another than at the last step.
     fingerprint: Fingerprint,
@@ -132,6 +135,7 @@ impl Node for Drive {
             reaction: Reaction::new(config.react_s, config.actuate_s),
             command: ports.writer("command")?,
             state: ports.writer("state")?,
+            latch: ports.stop_latch(),
             obstacles: Obstacles::new(config.capacity, config.horizon_m),
             fingerprint: Fingerprint::default(),
             last_step: None,
@@ -160,12 +164,14 @@ impl Node for Drive {
         let base = self.base.fresh(now).map(|base| *base.message);
         let (points, seen) = self.obstacles.carried(now, measured, self.ranges.max_age_s());
         let surroundings = Surroundings { points, seen };
-        let state = self.safe.decide(now, dt_s, wanted, base.as_ref(), &surroundings);
-        let state = explain(state, asked, restrained);
+        let moves = self.latch.allows_motion();
+        let decided = self.safe.decide(now, dt_s, wanted.filter(|_| moves), base.as_ref(), &surroundings);
+        let decided = explain(decided, asked, restrained);
+        let state = if moves { decided } else { self.safe.halt(decided) };
         let command = Command {
             velocity: state.sent,
             valid_for_s: self.config.command_valid_s,
-            enable: u64::from(self.config.enable_motors),
+            enable: u64::from(self.config.enable_motors && moves),
         };
         self.command.write(now, &command);
         self.state.write(now, &state);

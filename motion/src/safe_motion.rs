@@ -76,6 +76,13 @@ impl SafeMotion {
         self.zone.braking.delay_s = delay_s;
     }
 
+    /// The body stands at once, whatever the ramps say: the stop latch does not allow motion. What `decide` told before
+    /// it becomes what is sent now.
+    pub fn halt(&mut self, state: MotionState) -> MotionState {
+        self.sent = Velocity::ZERO;
+        MotionState { sent: Twist::default(), stop: Stop::Latch as u32, ..state }
+    }
+
     /// What to send at `now`, `dt_s` after the last time. `wanted` and `base` are `None` when there is nothing fresh;
     /// a wanted velocity that is no number counts as none.
     pub fn decide(

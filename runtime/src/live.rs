@@ -9,11 +9,13 @@ use crate::clock;
 use crate::host::Running;
 use crate::node::OpenError;
 use crate::ports::{Devices, Input, Ports};
-use crate::pump::{Arrival, Notifier, Pump, PumpBuilder};
+use crate::pump::{Arrival, GuardLine, Notifier, Pump, PumpBuilder};
 use crate::realtime::{self, Grants};
 use crate::robot::{NodeSpec, Robot, open_declared};
+use crate::stop::{KeepPlace, LatchPlace};
 use crate::sys;
 use crate::time::Time;
+use guard::{LatchPage, Line, Phase, Table};
 use std::path::PathBuf;
 use std::rc::Rc;
 use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
@@ -30,6 +32,39 @@ pub struct LiveOptions {
     pub supervisor: Option<u32>,
     /// Take the written paths from a predecessor that merely hangs.
     pub fence: bool,
+    /// What the process tree gives its nodes, where there is one.
+    pub tree: Option<TreeShare>,
+}
+
+/// What the process tree gives a process of nodes: see the supervisor's table of what a node finds.
+#[derive(Debug, Clone, Copy)]
+pub struct TreeShare {
+    latch: LatchPage,
+    table: Table,
+    first: usize,
+    count: usize,
+}
+
+impl TreeShare {
+    /// From `SINEW_TABLE` ("descriptor first count") and `SINEW_LATCH_FD`; `None` outside a tree.
+    pub fn inherited() -> Option<TreeShare> {
+        let number = |text: &str| text.parse::<i32>().ok();
+        let latch = guard::inherited(number(&std::env::var("SINEW_LATCH_FD").ok()?)?).ok()?;
+        let told = std::env::var("SINEW_TABLE").ok()?;
+        let mut words = told.split(' ').map(number);
+        let (descriptor, first, count) = (words.next()??, words.next()??, words.next()??);
+        let table = guard::inherited(descriptor).ok()?;
+        Some(TreeShare {
+            latch: LatchPage::map(&latch).ok()?,
+            table: Table::map(&table).ok()?,
+            first: usize::try_from(first).ok()?,
+            count: usize::try_from(count).ok()?,
+        })
+    }
+
+    fn line(&self, node: usize) -> Option<Line> {
+        self.table.line(self.first + node).filter(|_| node < self.count)
+    }
 }
 
 /// Why a process of nodes could not run or ended.
@@ -68,6 +103,10 @@ pub enum LiveError {
 const STACK_BYTES: usize = 256 * 1024;
 /// How often a node publishes how it keeps time [s].
 const STATISTICS_S: f64 = 1.0;
+/// A node in a process tree wakes at least this often, so that a hang is told from an idle node [s].
+const BEAT_S: f64 = 0.025;
+/// It may be silent for three periods, and for so long in any case [s].
+const SILENT_S: f64 = 0.1;
 /// How often a node looks for rings that were absent [s].
 const REBIND_S: f64 = 0.25;
 
@@ -103,12 +142,13 @@ pub fn run(
     let grants = Arc::new(Mutex::new(Vec::new()));
     let failed = Arc::new(Mutex::new(None));
     let mut threads = Vec::new();
-    for (spec, word) in specs.into_iter().zip(words) {
+    for (index, (spec, word)) in specs.into_iter().zip(words).enumerate() {
         let (robot, options, barrier) = (robot.clone(), options.clone(), barrier.clone());
         let (grants, failed) = (grants.clone(), failed.clone());
         let instance = spec.instance.clone();
         let body = move || {
-            let started = NodeThread::start(&robot, &spec, &options, word);
+            let line = options.tree.as_ref().and_then(|tree| tree.line(index));
+            let started = NodeThread::start(&robot, &spec, &options, word, line);
             match &started {
                 Ok(thread) => grants.lock().unwrap_or_else(|e| e.into_inner()).push(thread.grants.clone()),
                 Err(_) => sys::request_stop(),
@@ -150,7 +190,7 @@ fn spawn_pump(
     robot: &Robot,
     options: &LiveOptions,
     notifier: Notifier,
-) -> Result<(Pump, Arc<StepWatch>, Granted), OpenError> {
+) -> Result<(Pump, Arc<StepWatch>, Granted, Option<Arc<GuardLine>>), OpenError> {
     let mut pump = std::mem::replace(&mut ports.pump, PumpBuilder::new(&spec.path()));
     pump.notify(notifier);
     let (realtime, priority, path) = (robot.realtime, spec.priority + 1, spec.path());
@@ -173,10 +213,14 @@ fn spawn_pump(
     if options.fence {
         pump.take_over();
     }
+    let guard = options.tree.and_then(|_| pump.guarded(&options.root));
     if let Some(supervisor) = options.supervisor
         && let Some(process) = rustix::process::Pid::from_raw(supervisor as i32)
     {
+        // A process that dies between its end and our look has left us to somebody else; its number may be taken again.
+        let gone = rustix::process::getppid().is_none_or(|parent| parent.as_raw_nonzero().get() == 1);
         match rustix::process::pidfd_open(process, rustix::process::PidfdFlags::empty()) {
+            Ok(_) if gone => sys::request_stop(),
             Ok(descriptor) => pump.watch_process(descriptor, sys::request_stop),
             // It is gone already: nobody would stop this node.
             Err(_) => sys::request_stop(),
@@ -184,7 +228,7 @@ fn spawn_pump(
     }
     let step_watch = pump.step_watch();
     let pump = pump.spawn(&options.root).map_err(|e| OpenError::Device { reason: e.to_string() })?;
-    Ok((pump, step_watch, told))
+    Ok((pump, step_watch, told, guard))
 }
 
 /// Tells the supervisor that this process is ready, where one is listening (`SINEW_READY_FD`).
@@ -219,6 +263,11 @@ struct NodeThread {
     grants: Grants,
     rebind: Time,
     last_fault: Option<crate::Fault>,
+    line: Option<Line>,
+    guard: Option<Arc<GuardLine>>,
+    /// The newest word of the latch that a step has seen, and that the node has said to have obeyed.
+    latch_seen: u32,
+    obeyed: u32,
 }
 
 impl NodeThread {
@@ -227,6 +276,7 @@ impl NodeThread {
         spec: &NodeSpec,
         options: &LiveOptions,
         word: PrivateWord,
+        line: Option<Line>,
     ) -> Result<NodeThread, LiveError> {
         let instance = spec.instance.clone();
         let fail = |source: OpenError| LiveError::Open { instance: instance.clone(), source };
@@ -244,7 +294,19 @@ impl NodeThread {
                 word.bump();
             })
         };
-        let (pump, step_watch, told) = spawn_pump(&mut opened.ports, spec, robot, options, notifier).map_err(fail)?;
+        if let Some(tree) = &options.tree {
+            *opened.ports.latch.place.borrow_mut() = LatchPlace::Shared(tree.latch);
+        }
+        if let Some(line) = line {
+            *opened.ports.keepsake.0.borrow_mut() = KeepPlace::Line(line);
+            let period_s = spec.period_ns.map_or(0.0, |period| period as f64 * 1e-9);
+            let deadline_s = spec.deadline_ns.map_or(0.0, |deadline| deadline as f64 * 1e-9);
+            let limit_s = SILENT_S.max(3.0 * period_s).max(3.0 * deadline_s);
+            let thread = rustix::thread::gettid().as_raw_nonzero().get() as u32;
+            line.begin(std::process::id(), thread, (limit_s * 1e9) as u64);
+        }
+        let (pump, step_watch, told, guard) =
+            spawn_pump(&mut opened.ports, spec, robot, options, notifier).map_err(fail)?;
         let grants = realtime::apply(&robot.realtime, spec.priority, &spec.path());
         let _ = told.set(grants.clone());
         let start = clock::now();
@@ -274,6 +336,10 @@ impl NodeThread {
             grants,
             rebind: start,
             last_fault: None,
+            line,
+            guard,
+            latch_seen: 0,
+            obeyed: 0,
         })
     }
 
@@ -285,23 +351,57 @@ impl NodeThread {
             match self.release(now) {
                 Some(release) => {
                     // The result is counted by `step`; what changed is logged between steps.
+                    self.beat(now, Phase::Stepping);
                     self.step_watch.begin(now);
                     let _ = self.running.step(now, release, clock::now);
-                    self.step_watch.end(clock::now());
+                    let ended = clock::now();
+                    self.step_watch.end(ended);
+                    self.tell_obeyed(ended);
+                    self.beat(ended, Phase::Waiting);
                     if self.between_steps() {
                         waiter = self.waiter();
                     }
                 }
                 None => {
-                    let until = self.running.grid.map(|grid| grid.next().nanos());
-                    waiter.wait(until);
+                    self.beat(now, Phase::Waiting);
+                    let grid = self.running.grid.map(|grid| grid.next());
+                    let beat = self.line.map(|_| now.after_s(BEAT_S));
+                    let until = [grid, beat].into_iter().flatten().min();
+                    waiter.wait(until.map(Time::nanos));
                 }
             }
         }
+        self.beat(clock::now(), Phase::Ended);
         self.running.opened.node.stop(clock::now());
         let summary = self.running.summary();
         self.running.opened.statistics.write(clock::now(), &summary);
         self.pump.stop();
+    }
+
+    fn beat(&self, now: Time, phase: Phase) {
+        if let Some(line) = &self.line {
+            line.beat(now.nanos(), phase);
+        }
+    }
+
+    /// Passes on that the step has obeyed the stop latch, and when.
+    fn tell_obeyed(&mut self, now: Time) {
+        let word = self.running.opened.ports.latch.obeyed.get().0;
+        if word != self.obeyed {
+            self.obeyed = word;
+            if let Some(line) = &self.line {
+                line.obeyed(word, now.nanos());
+            }
+            if let Some(guard) = &self.guard {
+                guard.obeyed(word);
+            }
+        }
+    }
+
+    /// When the latch has changed since the last step: now.
+    fn latched(&mut self, now: Time) -> Option<Time> {
+        let word = self.running.opened.ports.latch.futex()?.load(Ordering::Relaxed);
+        (std::mem::replace(&mut self.latch_seen, word) != word).then_some(now)
     }
 
     /// When the step that is due now was released; `None` when none is due. A sample releases a step at its stamp (so
@@ -311,10 +411,11 @@ impl NodeThread {
         let called = kinds & (bit(Arrival::Call) | bit(Arrival::Reply)) != 0;
         let device = self.device_trigger && kinds & bit(Arrival::Device) != 0;
         let sampled = self.triggers.iter().fold(None, |newest: Option<Time>, input| newest.max(input.take_arrival()));
+        let latched = self.latched(now);
         match self.running.grid {
             Some(grid) if grid.due(now) => Some(grid.next()),
             _ if device || called => Some(Time::from_nanos(self.arrivals.at_ns.load(Ordering::Relaxed)).min(now)),
-            _ => sampled.map(|stamp| stamp.min(now)),
+            _ => latched.or(sampled.map(|stamp| stamp.min(now))),
         }
     }
 
@@ -324,11 +425,15 @@ impl NodeThread {
             input.take_changed();
             words.extend(input.sources.borrow().iter().filter_map(|s| s.ring.as_ref().map(|ring| ring.word())));
         }
-        Waiter::new(&self.word, words).unwrap_or_else(|e| {
+        let mut waiter = Waiter::new(&self.word, words).unwrap_or_else(|e| {
             // Only the private word is left to wait on; the grid goes on.
             eprintln!("{}: cannot wait on the triggers: {e}", self.instance);
             Waiter::new(&self.word, Vec::new()).expect("a wait on one word needs nothing of the kernel")
-        })
+        });
+        if let Some(latch) = self.running.opened.ports.latch.futex() {
+            waiter.also(latch);
+        }
+        waiter
     }
 
     /// Everything that may take its time: opens rings, publishes, logs. Whether the waiter must be made anew.

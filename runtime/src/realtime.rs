@@ -75,6 +75,11 @@ pub fn apply(wishes: &RealtimeTable, priority: u8, thread: &str) -> Grants {
     Grants { thread: thread.into(), scheduler, memory, runaway }
 }
 
+/// Asks for SCHED_FIFO at `priority` for the calling thread; whether it was granted. For what stands above nodes.
+pub fn ask_for_fifo(priority: u8) -> bool {
+    sys::set_fifo(priority).is_ok()
+}
+
 impl fmt::Display for Grants {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{}: ", self.thread)?;

@@ -14,10 +14,13 @@ use crate::node::OpenError;
 use crate::ports::{Devices, Input, STATE_DEPTH, SUPERVISOR_STATE};
 use crate::pump::PumpBuilder;
 use crate::robot::{NodeSpec, Robot, STATISTICS, open_declared};
+use crate::stop::{Keepsake, LatchPlace};
 use crate::time::Time;
+use guard::Word;
 use messages::{NodeStatistics, SupervisorState};
 use rand_core::{Rng, SeedableRng};
 use rand_pcg::Pcg64Mcg;
+use std::cell::Cell;
 use std::collections::VecDeque;
 use std::rc::Rc;
 use std::sync::Arc;
@@ -62,6 +65,10 @@ pub struct SimulatedHost {
     listeners: Vec<Vec<usize>>,
     /// Nodes that died in mid-step, and when.
     deaths: VecDeque<(usize, Time)>,
+    /// The stop latch, as the host was told.
+    latch: Rc<Cell<Word>>,
+    /// What dead nodes have left their successors.
+    keepsakes: Vec<Keepsake>,
 }
 
 /// One node's place; the node itself may be dead.
@@ -125,6 +132,8 @@ impl SimulatedHost {
             slots: Vec::new(),
             listeners: Vec::new(),
             deaths: VecDeque::new(),
+            latch: Rc::default(),
+            keepsakes: robot.nodes.iter().map(|_| Keepsake::default()).collect(),
         };
         host.links.set_now(start);
         for (index, spec) in robot.nodes.iter().enumerate() {
@@ -175,6 +184,8 @@ impl SimulatedHost {
     fn open(&self, index: usize) -> Result<Running, OpenError> {
         let spec = &self.slots[index].spec;
         let opened = open_declared(&self.robot, spec, self.seed, Devices::Memory(self.links.clone()))?;
+        *opened.ports.latch.place.borrow_mut() = LatchPlace::Simulated(self.latch.clone());
+        opened.ports.keepsake.share(&self.keepsakes[index]);
         // A node that starts later keeps to the grid of the run.
         Ok(Running::new(opened, spec, next_on_grid(self.now, spec.period_ns)))
     }
@@ -248,6 +259,11 @@ impl SimulatedHost {
     /// The device links, to inject faults into.
     pub fn links(&self) -> &MemoryLinks {
         &self.links
+    }
+
+    /// Sets the stop latch, as a guard does on a live robot. Nodes see it in their next step.
+    pub fn set_latch(&mut self, state: guard::latch::State) {
+        self.latch.set(self.latch.get().changed_to(state));
     }
 
     /// Calls a node from beside the nodes, as `sinew call` does on a live robot.

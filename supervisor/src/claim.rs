@@ -72,8 +72,8 @@ static CLAIMED: Mutex<Option<HashSet<PathBuf>>> = Mutex::new(None);
 #[derive(Debug)]
 pub struct Claim {
     root: PathBuf,
-    /// Kept open: closing it gives up the lock.
-    _lock: File,
+    /// Kept open: closing it gives up the lock. `None`: the root of the process tree holds it.
+    lock: Option<File>,
     owner: Owner,
 }
 
@@ -95,12 +95,24 @@ impl Claim {
             let since_unix_s = wall_seconds();
             let run = format!("{pid}-{start_ticks}-{:x}", (since_unix_s * 1e6) as u64);
             let owner = Owner { robot: robot.to_owned(), pid, start_ticks, since_unix_s, run };
-            Ok(Claim { root: root.to_owned(), _lock: lock, owner })
+            Ok(Claim { root: root.to_owned(), lock: Some(lock), owner })
         });
         if result.is_err() {
             claimed(|roots| roots.remove(root));
         }
         result
+    }
+
+    /// The claim that the living root of the process tree holds.
+    pub fn of_root(root: &Path) -> Option<Claim> {
+        let owner = owner(root).filter(Owner::is_alive)?;
+        Some(Claim { root: root.to_owned(), lock: None, owner })
+    }
+
+    /// Lets the lock stay with this process when it becomes another program.
+    pub fn outlive_exec(&self) -> io::Result<()> {
+        let lock = self.lock.as_ref().ok_or(ErrorKind::NotFound)?;
+        Ok(rustix::io::fcntl_setfd(lock, rustix::io::FdFlags::empty())?)
     }
 
     /// `None`: somebody else holds it.

@@ -15,10 +15,12 @@ use rustix::event::{EventfdFlags, PollFd, PollFlags, Timespec, eventfd, poll};
 use rustix::io::Errno;
 use rustix::net::{self, AddressFamily, RecvFlags, SendFlags, SocketAddrUnix, SocketFlags, SocketType};
 
-use crate::owner::RUN_FOLDER;
+use crate::owner::{RUN_FOLDER, owner};
 
 /// More connections than this are turned away.
 const MOST_CONNECTIONS: usize = 16;
+/// After the end of the supervisor the rest of the tree is gone within milliseconds [s].
+const LEAVES_WITHIN_S: f64 = 0.5;
 /// No answer is longer.
 const LONGEST_ANSWER_BYTES: usize = 128 << 10;
 
@@ -65,7 +67,17 @@ impl Control {
         let listener = net::socket_with(AddressFamily::UNIX, SocketType::SEQPACKET, flags, None)?;
         net::bind(&listener, &address)?;
         net::listen(&listener, MOST_CONNECTIONS as i32)?;
-        Ok(Control { listener, connections: Vec::new() })
+        Ok(Control::adopt(listener))
+    }
+
+    /// Goes on listening where a supervisor before this one did.
+    pub fn adopt(listener: OwnedFd) -> Control {
+        Control { listener, connections: Vec::new() }
+    }
+
+    /// The listening socket.
+    pub fn listener(&self) -> BorrowedFd<'_> {
+        self.listener.as_fd()
     }
 
     /// Everything to be watched for reading: the listener first, then the connections.
@@ -137,8 +149,15 @@ pub fn down(root: &Path, within_s: f64) -> Result<(), ControlError> {
     let connection = connect(root)?;
     let until = clock::now().after_s(within_s);
     send(root, &connection, "down")?;
-    // The answer, then the end of the connection.
+    let tree = owner(root).and_then(|owner| crate::proc::open(owner.pid, owner.start_ticks));
+    // The answer, then the end of the connection, then the end of the process tree.
     while receive(root, &connection, until.since(clock::now()))?.is_some() {}
+    if let Some(tree) = tree {
+        let left_s = until.since(clock::now()).clamp(0.0, LEAVES_WITHIN_S);
+        let timeout = Timespec::try_from(Duration::from_secs_f64(left_s)).ok();
+        // Where the supervisor is a part of a larger program, that lives on.
+        let _ = rustix::io::retry_on_intr(|| poll(&mut [PollFd::new(&tree, PollFlags::IN)], timeout.as_ref()));
+    }
     Ok(())
 }
 

@@ -21,6 +21,14 @@ pub enum Exit {
 }
 
 impl Exit {
+    /// What a wait status says.
+    pub(crate) fn of_status(status: i32) -> Exit {
+        match libc::WIFSIGNALED(status) {
+            true => Exit::Signal { signal: libc::WTERMSIG(status), core: libc::WCOREDUMP(status) },
+            false => Exit::Code(libc::WEXITSTATUS(status)),
+        }
+    }
+
     /// Whether the process ended as a program does that has finished its work.
     pub fn is_success(self) -> bool {
         self == Exit::Code(0)

@@ -16,6 +16,7 @@ use crate::claim::Claim;
 use crate::control::{Control, StopHandle};
 use crate::event::{Action, Event, Incident, IncidentKind};
 use crate::exit::Exit;
+use crate::host_tree::InTree;
 use crate::incidents::{Journal, Record};
 use crate::observer::{Guarded, Outcome, Report, StopCause};
 use crate::policy::Policy;
@@ -49,16 +50,20 @@ pub(crate) struct Host<'a> {
     pub interrupts: u32,
     pub told: Option<RobotState>,
     pub done: bool,
+    /// The process tree that this is a part of, if it is.
+    pub inside: Option<InTree>,
 }
 
 /// Whose descriptor has something to say.
 #[derive(Debug, Clone, Copy)]
-enum Source {
+pub(crate) enum Source {
     Death(usize),
     Ready(usize),
     Signal,
     Stop,
     Control,
+    Front,
+    Root,
 }
 
 impl Host<'_> {
@@ -66,7 +71,10 @@ impl Host<'_> {
     pub fn run(&mut self) {
         // What came while the claim was being taken: then nothing is started at all.
         self.take_signals();
-        self.take(Event::Begin);
+        match self.inside.as_mut().and_then(|inside| inside.tree.saved.take()) {
+            Some(saved) => self.take_over(&saved),
+            None => self.take(Event::Begin),
+        }
         while !self.done {
             for source in self.wait() {
                 match source {
@@ -75,8 +83,11 @@ impl Host<'_> {
                     Source::Signal => self.take_signals(),
                     Source::Stop => self.take_stops(),
                     Source::Control => self.serve(),
+                    Source::Front => self.hear_front(),
+                    Source::Root => self.orphaned("the root of the process tree is dead: the robot stops"),
                 }
             }
+            self.look_around();
             self.take(Event::Timer);
             if self.observer.has_panicked() {
                 self.end(StopCause::Program, false);
@@ -105,10 +116,13 @@ impl Host<'_> {
         watched.push((Source::Signal, self.signals.arrival()));
         watched.extend(self.stop.iter().map(|stop| (Source::Stop, stop.requested())));
         watched.extend(self.control.watched().map(|descriptor| (Source::Control, descriptor)));
+        watched.extend(self.inside.iter().flat_map(InTree::watched));
 
         let mut polled: Vec<PollFd<'_>> =
             watched.iter().map(|(_, descriptor)| PollFd::from_borrowed_fd(*descriptor, PollFlags::IN)).collect();
-        let timeout = self.policy.next_timer().map(|at| Duration::from_nanos(at.nanos_since(clock::now())));
+        let look = self.inside.as_ref().map(|inside| inside.next_look);
+        let next = [self.policy.next_timer(), look].into_iter().flatten().min();
+        let timeout = next.map(|at| Duration::from_nanos(at.nanos_since(clock::now())));
         let timeout = timeout.and_then(|timeout| Timespec::try_from(timeout).ok());
         // A wait that fails (no kernel memory) looks at everything instead: every look is free to find nothing.
         let failed = poll(&mut polled, timeout.as_ref()).is_err_and(|error| error != rustix::io::Errno::INTR);
@@ -117,17 +131,20 @@ impl Host<'_> {
     }
 
     /// Gives the policy an event and does what it says.
-    fn take(&mut self, event: Event) {
+    pub fn take(&mut self, event: Event) {
         let mut events = VecDeque::from([event]);
         while let Some(event) = events.pop_front() {
             let (mut actions, mut started) = (Vec::new(), Vec::new());
             self.policy.handle(clock::now(), event, &mut actions);
             for action in actions {
                 match action {
-                    Action::Start { node } => match self.slots[node].start(&self.launcher, &self.run_folder) {
-                        Ok(()) => started.push(node),
-                        Err(exit) => events.push_back(Event::Died { node, exit }),
-                    },
+                    Action::Start { node } => {
+                        self.leave_state();
+                        match self.slots[node].start(&self.launcher, &self.run_folder) {
+                            Ok(()) => started.push(node),
+                            Err(exit) => events.push_back(Event::Died { node, exit }),
+                        }
+                    }
                     Action::Terminate { node } => self.with_process(node, Process::terminate),
                     Action::Kill { node } => self.with_process(node, Process::kill),
                     Action::Notify(incident) => self.record(incident),
@@ -145,8 +162,8 @@ impl Host<'_> {
                     | Action::Reprioritise { .. }
                     | Action::Heal { .. }
                     | Action::Hold { .. }
-                    | Action::Limp { .. }
-                    | Action::Stop { .. } => {}
+                    | Action::Limp { .. } => {}
+                    Action::Stop { node } => self.latch_stop(node),
                     Action::Done => self.done = true,
                 }
             }
@@ -156,6 +173,7 @@ impl Host<'_> {
                 self.observer.report(Report::Started { instance, pid, restarts });
             }
         }
+        self.leave_state();
         let state = self.policy.robot();
         if self.told.replace(state) != Some(state) {
             self.observer.report(Report::Robot(state));
@@ -208,7 +226,7 @@ impl Host<'_> {
         }
     }
 
-    fn end(&mut self, cause: StopCause, at_once: bool) {
+    pub fn end(&mut self, cause: StopCause, at_once: bool) {
         if self.stopped_by == StopCause::NothingLeft {
             self.stopped_by = cause;
         }
@@ -245,7 +263,7 @@ impl Host<'_> {
         let nodes = self.slots.iter().enumerate().map(|(node, slot)| slot.status(self.policy.node(node)));
         Status {
             robot: owner.robot.clone(),
-            pid: owner.pid,
+            pid: std::process::id() as i32,
             run: owner.run.clone(),
             since: utc(owner.since_unix_s),
             running_s: clock::now().since(self.begun),

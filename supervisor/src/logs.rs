@@ -43,6 +43,13 @@ impl NodeLog {
         Ok(NodeLog { path, file, from: 0 })
     }
 
+    /// The log that a supervisor before this one has begun.
+    pub fn go_on(folder: &Path, instance: &str) -> io::Result<NodeLog> {
+        let path = folder.join(format!("{instance}.log"));
+        let file = open(&path)?;
+        Ok(NodeLog { path, file, from: 0 })
+    }
+
     /// The file that a new process of the node writes to. A full or missing disk never keeps a node from starting.
     pub fn begin(&mut self) -> &File {
         let metadata = self.file.metadata();

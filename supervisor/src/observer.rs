@@ -1,5 +1,6 @@
 //! What a run tells while it lasts, and at its end.
 
+use serde::{Deserialize, Serialize};
 use std::any::Any;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 
@@ -77,7 +78,7 @@ pub enum Report<'a> {
 }
 
 /// What ended a run.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub enum StopCause {
     /// A signal, by number.
     Signal(i32),
@@ -101,7 +102,7 @@ impl std::fmt::Display for StopCause {
 }
 
 /// How a run ended: no process and no file of it is left.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Outcome {
     /// What ended it.
     pub stopped_by: StopCause,

@@ -19,13 +19,15 @@ pub struct Program {
     pub env: Vec<(OsString, OsString)>,
     /// When to start it again, how to stop it.
     pub rule: Rule,
+    /// Heartbeats that it keeps: one per node in it; none for programs that know nothing of them.
+    pub beats: usize,
 }
 
 impl Program {
     /// A node that is always restarted, stops in group 0 and says when it is ready.
     pub fn new(instance: impl Into<String>, argv: impl IntoIterator<Item = impl Into<OsString>>) -> Program {
         let argv = argv.into_iter().map(Into::into).collect();
-        Program { instance: instance.into(), argv, env: Vec::new(), rule: Rule::default() }
+        Program { instance: instance.into(), argv, env: Vec::new(), rule: Rule::default(), beats: 0 }
     }
 
     /// The instance as the name of a file.

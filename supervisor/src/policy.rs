@@ -8,11 +8,13 @@
 //! of the severity ladder: warn, limp, hold, stop; each cause says when it leaves it. An emergency stop never lets go by
 //! itself: there is no action for it.
 
+mod adopt;
 mod life;
 mod requests;
 mod unit;
 mod watch;
 
+pub use self::adopt::Adopted;
 use runtime::Time;
 
 use self::unit::{Intent, Standby, Unit};

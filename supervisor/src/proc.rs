@@ -67,6 +67,22 @@ fn carries(pid: i32, run: &str, until: Time) -> bool {
     }
 }
 
+/// The value of a variable in the environment that the process was started with.
+pub fn variable(pid: i32, name: &str) -> Option<String> {
+    let environment = fs::read(format!("/proc/{pid}/environ")).ok()?;
+    let value = |entry: &[u8]| {
+        let rest = entry.strip_prefix(name.as_bytes())?.strip_prefix(b"=")?;
+        Some(String::from_utf8_lossy(rest).into_owned())
+    };
+    environment.split(|&byte| byte == 0).find_map(value)
+}
+
+/// Whether the process leads its session.
+pub fn is_session_leader(pid: i32) -> bool {
+    let own = Pid::from_raw(pid);
+    own.is_some_and(|own| rustix::process::getsid(Some(own)) == Ok(own))
+}
+
 fn is_marked(environment: &[u8], run: &str) -> bool {
     let entry = |bytes: &[u8]| bytes.strip_prefix(b"SINEW_RUN=") == Some(run.as_bytes());
     environment.split(|&byte| byte == 0).any(entry)

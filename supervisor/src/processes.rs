@@ -14,6 +14,8 @@ use std::path::{Path, PathBuf};
 
 use nix::spawn::{PosixSpawnAttr, PosixSpawnFileActions, PosixSpawnFlags, posix_spawn};
 use nix::sys::signal::SigSet;
+use runtime::clock;
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::io::Errno;
 use rustix::pipe::{PipeFlags, pipe_with};
 use rustix::process::{self, Pid, PidfdFlags, Signal, WaitId, WaitIdOptions};
@@ -61,6 +63,8 @@ pub struct Launcher {
     /// Descriptors that this process was started with and would hand on: a lock or a pipe of somebody who waits for
     /// its end.
     inherited: Vec<RawFd>,
+    /// What every node finds under these numbers.
+    given: Vec<(OwnedFd, RawFd)>,
 }
 
 impl Launcher {
@@ -70,7 +74,12 @@ impl Launcher {
         let entries = std::fs::read_dir("/proc/self/fdinfo").into_iter().flatten().flatten();
         let numbers = entries.filter_map(|entry| entry.file_name().to_str()?.parse().ok());
         let inherited = numbers.filter(|&number: &RawFd| number >= READY_FD && is_inheritable(number)).collect();
-        Ok(Launcher { null, inherited })
+        Ok(Launcher { null, inherited, given: Vec::new() })
+    }
+
+    /// Gives every node a duplicate of `descriptor` under `number`.
+    pub fn give(&mut self, descriptor: OwnedFd, number: RawFd) {
+        self.given.push((descriptor, number));
     }
 
     /// Starts `command` with `log` (else /dev/null) for its words; `restarts` tells how many processes came before.
@@ -90,6 +99,9 @@ impl Launcher {
         if let Some((_, write)) = &ready {
             files.add_dup2(write.as_raw_fd(), READY_FD)?;
         }
+        for (descriptor, number) in &self.given {
+            files.add_dup2(descriptor.as_raw_fd(), *number)?;
+        }
         for &number in self.inherited.iter().filter(|&&number| !(reports_ready && number == READY_FD)) {
             files.add_close(number)?;
         }
@@ -106,7 +118,9 @@ impl Launcher {
         let pid = Pid::from_raw(pid.as_raw()).ok_or(Errno::SRCH)?;
         // Until it is reaped the pid stays taken, even if the process has ended already.
         match process::pidfd_open(pid, PidfdFlags::empty()) {
-            Ok(descriptor) => Ok(Process { pid, descriptor, ready: ready.map(|(read, _)| read), reaped: false }),
+            Ok(descriptor) => {
+                Ok(Process { pid, descriptor, ready: ready.map(|(read, _)| read), reaped: false, own: true })
+            }
             Err(error) => {
                 let _ = process::kill_process(pid, Signal::KILL);
                 let _ = process::waitpid(Some(pid), process::WaitOptions::empty());
@@ -123,9 +137,19 @@ pub struct Process {
     descriptor: OwnedFd,
     ready: Option<OwnedFd>,
     reaped: bool,
+    /// Whether this process started it, and so is the one to reap it.
+    own: bool,
 }
 
+/// How long the root of the process tree may take to reap an orphan, s.
+const REAPED_WITHIN_S: f64 = 0.05;
+
 impl Process {
+    /// A process that a supervisor before this one has started.
+    pub fn adopt(pid: i32, descriptor: OwnedFd) -> Option<Process> {
+        Some(Process { pid: Pid::from_raw(pid)?, descriptor, ready: None, reaped: false, own: false })
+    }
+
     /// Number of the process.
     pub fn pid(&self) -> i32 {
         self.pid.as_raw_nonzero().get()
@@ -174,6 +198,9 @@ impl Process {
     /// How the process ended, if it has. What it forked and left in its group is killed first: a successor must find
     /// devices and locks free.
     pub fn reap(&mut self) -> Option<Exit> {
+        if !self.own {
+            return self.reaped_by_root();
+        }
         let options = WaitIdOptions::EXITED | WaitIdOptions::NOHANG;
         let wait = |options| process::waitid(WaitId::PidFd(self.descriptor.as_fd()), options);
         if matches!(wait(options | WaitIdOptions::NOWAIT), Ok(None) | Err(Errno::INTR)) {
@@ -189,9 +216,32 @@ impl Process {
     }
 }
 
+impl Process {
+    /// How an adopted process ended, if it has: its parent is the root, which reaps it, and the kernel tells all others.
+    fn reaped_by_root(&mut self) -> Option<Exit> {
+        let at_once = Timespec { tv_sec: 0, tv_nsec: 0 };
+        let mut death = [PollFd::new(&self.descriptor, PollFlags::IN)];
+        if !matches!(rustix::io::retry_on_intr(|| poll(&mut death, Some(&at_once))), Ok(1..)) {
+            return None;
+        }
+        // The numbers of a group with living members are not given to anybody else.
+        let _ = process::kill_process_group(self.pid, Signal::KILL);
+        self.reaped = true;
+        let until = clock::now().after_s(REAPED_WITHIN_S);
+        loop {
+            match guard::exit_of(&self.descriptor) {
+                Some(status) => return Some(Exit::of_status(status)),
+                // Before Linux 6.15 nobody but the parent is told.
+                None if clock::now() >= until => return Some(Exit::Unknown),
+                None => clock::sleep_s(0.0002),
+            }
+        }
+    }
+}
+
 impl Drop for Process {
     fn drop(&mut self) {
-        if !self.reaped {
+        if !self.reaped && self.own {
             self.kill();
             let _ = process::waitid(WaitId::PidFd(self.descriptor.as_fd()), WaitIdOptions::EXITED);
         }

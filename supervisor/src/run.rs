@@ -42,6 +42,11 @@ pub enum SuperviseError {
     /// The robot's folder could not be filled.
     #[error("{0}")]
     Fill(String),
+    /// The process tree ended without saying how.
+    #[error(
+        "the process tree of the robot ended unexpectedly ({0}); its nodes stop by themselves; `sinew logs` may say why"
+    )]
+    Lost(String),
     /// The system refused something that every run needs.
     #[error("cannot {what}: {error}")]
     System {
@@ -52,7 +57,7 @@ pub enum SuperviseError {
     },
 }
 
-fn system(what: &'static str) -> impl FnOnce(io::Error) -> SuperviseError {
+pub(crate) fn system(what: &'static str) -> impl FnOnce(io::Error) -> SuperviseError {
     move |error| SuperviseError::System { what, error }
 }
 
@@ -78,7 +83,11 @@ pub fn run_prepared(
     let claim = Claim::take(&plan.root, &plan.robot)?;
     let found = leftovers::clear(&claim).map_err(system("remove what an earlier run left"))?;
     let filled = fill(claim.root()).map_err(SuperviseError::Fill);
-    let (commands, control) = match filled.and_then(|()| prepare(&plan, &claim)) {
+    let prepared = filled.and_then(|()| claim.announce().map_err(SuperviseError::from)).and_then(|()| {
+        let commands = commands(&plan, &claim, false)?;
+        Ok((commands, Control::listen(claim.root()).map_err(system("listen for requests"))?))
+    });
+    let (commands, control) = match prepared {
         Ok(prepared) => prepared,
         Err(error) => {
             claim.release().map_err(system("remove the robot's folder"))?;
@@ -89,7 +98,7 @@ pub fn run_prepared(
     let (log_folder, journal) = open_journal(&plan, &mut observer);
     let mut slots = Vec::new();
     for (program, command) in plan.programs.iter().zip(commands) {
-        let log = open_log(log_folder, program, &mut observer);
+        let log = open_log(log_folder, program, &mut observer, false);
         slots.push(Slot::new(program.instance.clone(), program.file_name(), command, program.rule.reports_ready, log));
     }
     let mut host = Host {
@@ -108,6 +117,7 @@ pub fn run_prepared(
         interrupts: 0,
         told: None,
         done: false,
+        inside: None,
         run_folder: claim.run_folder(),
         claim,
     };
@@ -118,17 +128,25 @@ pub fn run_prepared(
     finish(host)
 }
 
-/// Everything that may still be refused before the first process is started.
-fn prepare(plan: &Plan, claim: &Claim) -> Result<(Vec<Command>, Control), SuperviseError> {
-    claim.announce()?;
+/// The programs as they will be started; one that cannot be found is refused before the first process is started.
+pub(crate) fn commands(plan: &Plan, claim: &Claim, in_tree: bool) -> Result<Vec<Command>, SuperviseError> {
+    let mut line = 0;
     let command = |program: &Program| {
+        let mut told = environment(plan, program, claim);
+        if in_tree {
+            told.push(("SINEW_LATCH_FD".into(), LATCH_FD.to_string().into()));
+            told.push(("SINEW_TABLE".into(), format!("{TABLE_FD} {line} {}", program.beats).into()));
+        }
+        line += program.beats;
         let failed = |error| SuperviseError::Program { instance: program.instance.clone(), error };
-        Command::new(&program.argv, &environment(plan, program, claim)).map_err(failed)
+        Command::new(&program.argv, &told).map_err(failed)
     };
-    let commands = plan.programs.iter().map(command).collect::<Result<_, _>>()?;
-    let control = Control::listen(claim.root()).map_err(system("listen for requests"))?;
-    Ok((commands, control))
+    plan.programs.iter().map(command).collect()
 }
+
+/// Numbers of the descriptors under which a node of a process tree finds the heartbeats and the latch.
+pub(crate) const TABLE_FD: i32 = 4;
+pub(crate) const LATCH_FD: i32 = 5;
 
 /// What every node is told; `Process::start` adds SINEW_RESTARTS.
 fn environment(plan: &Plan, program: &Program, claim: &Claim) -> Vec<(OsString, OsString)> {
@@ -149,7 +167,7 @@ fn environment(plan: &Plan, program: &Program, claim: &Claim) -> Vec<(OsString, 
 }
 
 /// The folder of the logs with the journal in it. A robot whose disk is full or read-only runs without, and says so.
-fn open_journal<'a>(plan: &'a Plan, observer: &mut Guarded<'_>) -> (Option<&'a Path>, Journal) {
+pub(crate) fn open_journal<'a>(plan: &'a Plan, observer: &mut Guarded<'_>) -> (Option<&'a Path>, Journal) {
     let Some(folder) = plan.log_folder.as_deref() else { return (None, Journal::none()) };
     match fs::create_dir_all(folder).and_then(|()| Journal::open(folder)) {
         Ok(journal) => (Some(folder), journal),
@@ -161,8 +179,14 @@ fn open_journal<'a>(plan: &'a Plan, observer: &mut Guarded<'_>) -> (Option<&'a P
     }
 }
 
-fn open_log(folder: Option<&Path>, program: &Program, observer: &mut Guarded<'_>) -> Option<NodeLog> {
-    let error = match NodeLog::create(folder?, &program.file_name()) {
+pub(crate) fn open_log(
+    folder: Option<&Path>,
+    program: &Program,
+    observer: &mut Guarded<'_>,
+    go_on: bool,
+) -> Option<NodeLog> {
+    let open = if go_on { NodeLog::go_on } else { NodeLog::create };
+    let error = match open(folder?, &program.file_name()) {
         Ok(log) => return Some(log),
         Err(error) => error,
     };
@@ -171,7 +195,7 @@ fn open_log(folder: Option<&Path>, program: &Program, observer: &mut Guarded<'_>
 }
 
 /// Leaves nothing behind: also not what nodes forked and put into sessions of their own.
-fn finish(mut host: Host<'_>) -> Result<Outcome, SuperviseError> {
+pub(crate) fn finish(mut host: Host<'_>) -> Result<Outcome, SuperviseError> {
     let strays = leftovers::kill_run(host.claim.owner());
     if strays > 0 {
         let message = format!("killed {strays} processes that nodes had started and left behind");
@@ -186,7 +210,7 @@ fn finish(mut host: Host<'_>) -> Result<Outcome, SuperviseError> {
     Ok(outcome)
 }
 
-fn robot_record(robot: &str, message: String) -> Record {
+pub(crate) fn robot_record(robot: &str, message: String) -> Record {
     let (time, at_s) = (utc(wall_seconds()), clock::now().seconds());
     Record { time, at_s, robot: robot.to_owned(), event: "leftovers".to_owned(), message, ..Record::default() }
 }

@@ -18,6 +18,8 @@ pub(crate) struct Slot {
     pub process: Option<Process>,
     /// Process of the newest start.
     pub pid: Option<i32>,
+    /// When the present process was started, in clock ticks since boot.
+    pub ticks: Option<u64>,
     /// Process of the newest death: by the time that it is told, its successor may run.
     pub dead_pid: Option<i32>,
     /// What that process wrote last.
@@ -45,6 +47,7 @@ impl Slot {
             instance,
             process: None,
             pid: None,
+            ticks: None,
             dead_pid: None,
             last_lines: Vec::new(),
             file_name,
@@ -62,6 +65,30 @@ impl Slot {
         self.starts.saturating_sub(1)
     }
 
+    /// Processes so far.
+    pub fn starts(&self) -> u32 {
+        self.starts
+    }
+
+    /// When the newest process was started.
+    pub fn started(&self) -> Time {
+        self.started
+    }
+
+    /// Takes over what a supervisor before this one has started; whether its process still lives.
+    pub fn adopt(&mut self, process: Option<(i32, u64)>, starts: u32, started: Time) -> bool {
+        (self.starts, self.started) = (starts, started);
+        let Some((pid, ticks)) = process else { return false };
+        (self.pid, self.ticks) = (Some(pid), Some(ticks));
+        self.process = proc::open(pid, ticks).and_then(|descriptor| Process::adopt(pid, descriptor));
+        if self.process.is_none() {
+            self.dead_pid = Some(pid);
+            self.last_exit = Some(Exit::Unknown);
+            self.last_lines = self.log.as_ref().map_or_else(Vec::new, NodeLog::last_lines);
+        }
+        self.process.is_some()
+    }
+
     /// Starts a process and writes its number into `run_folder`; why there is none, if that fails.
     pub fn start(&mut self, launcher: &Launcher, run_folder: &Path) -> Result<(), Exit> {
         self.starts += 1;
@@ -72,7 +99,8 @@ impl Slot {
                 let pid = process.pid();
                 (self.pid, self.process) = (Some(pid), Some(process));
                 // For the next supervisor, should this one be killed. A full disk is made up for by SINEW_RUN.
-                let line = format!("{pid} {}\n", proc::start_ticks(pid).unwrap_or(0));
+                self.ticks = proc::start_ticks(pid);
+                let line = format!("{pid} {}\n", self.ticks.unwrap_or(0));
                 let _ = fs::write(run_folder.join(format!("{}.pid", self.file_name)), line);
                 Ok(())
             }

@@ -69,7 +69,7 @@ impl NodeState {
 }
 
 /// State of the robot as a whole.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub enum RobotState {
     /// Some node has not been started yet.
     Starting,

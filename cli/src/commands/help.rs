@@ -6,7 +6,7 @@ use std::fmt::Write;
 
 /// Every command under what it is for. A test holds this list to the commands that there are.
 const GROUPS: [(&str, &[&str]); 4] = [
-    ("Run a robot", &["run", "drive", "down", "simulate"]),
+    ("Run a robot", &["run", "drive", "down", "estop", "reset", "resume", "simulate"]),
     ("Look at a running robot", &["ls", "cat", "hz", "logs", "call"]),
     ("Look at a robot file", &["check", "graph", "schema"]),
     ("Look at this machine", &["doctor", "bench"]),
@@ -95,6 +95,31 @@ Examples:
   sinew down pioneer --timeout 30s
 
 JSON (--json): robot, stopped, took_s.";
+
+pub const ESTOP: &str = "\
+Examples:
+  sinew estop                     stops the only running robot at once
+  sinew estop pioneer --reason 'a child in the corridor'
+  sinew estop --show              where the stop latch stands, and who wanted it
+
+Anyone may stop a robot; it takes no privilege. The word goes straight to the guard, which wakes drivers and motion; where
+a driver is dead or does not obey, the guard writes the device's stop itself. The stop outlives every process of the
+robot, and a power cycle.
+
+JSON (--json): robot, state (run, stopping, latched, armed), changes, sources [{name, reason, held, unix_ms, pid, uid}],
+took_s (until the guard's answer).";
+
+pub const RESET: &str = "\
+Examples:
+  sinew reset                     makes a stopped robot ready again; it does not move before `sinew resume`
+
+Refused while the cause of a stop is still there, and while not every wheel is known to stand. JSON (--json): as `estop`.";
+
+pub const RESUME: &str = "\
+Examples:
+  sinew resume                    lets a robot go that was reset, or that was started with `sinew run --stand`
+
+JSON (--json): as `estop`.";
 
 pub const LS: &str = "\
 Examples:
@@ -192,6 +217,14 @@ pub const NODE: &str = "\
 Examples:
   sinew node --root /dev/shm/sinew/pioneer /drivers/base    a node alone, for a debugger";
 
+pub const TREE: &str = "\
+Examples:
+  sinew tree                      reads a launch and becomes the root of its process tree; for `sinew run` alone";
+
+pub const SUPERVISE: &str = "\
+Examples:
+  sinew supervise --root /dev/shm/sinew/pioneer    for the root of a process tree alone";
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -238,7 +271,10 @@ mod tests {
     #[test]
     fn reading_commands_take_json() {
         let command = CommandLine::command();
-        for name in ["ls", "cat", "hz", "call", "logs", "check", "graph", "doctor", "simulate", "bench"] {
+        for name in [
+            "ls", "cat", "hz", "call", "logs", "check", "graph", "doctor", "simulate", "bench", "estop", "reset",
+            "resume",
+        ] {
             let found = command.find_subcommand(name).expect("it is a command");
             assert!(found.get_arguments().any(|a| a.get_long() == Some("json")), "{name} has no --json");
         }

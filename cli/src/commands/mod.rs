@@ -7,6 +7,7 @@ mod check;
 mod doctor;
 mod down;
 mod drive;
+mod estop;
 mod graph;
 mod help;
 mod hz;
@@ -16,6 +17,7 @@ pub mod node;
 pub mod run;
 mod schema;
 pub mod simulate;
+mod tree;
 
 use crate::built_in::node_types;
 use crate::exit::{Failure, OK};
@@ -42,6 +44,12 @@ enum Command {
     Drive(drive::Args),
     #[command(after_help = help::DOWN)]
     Down(down::Args),
+    #[command(after_help = help::ESTOP)]
+    Estop(estop::Args),
+    #[command(after_help = help::RESET)]
+    Reset(estop::PersonArgs),
+    #[command(after_help = help::RESUME)]
+    Resume(estop::PersonArgs),
     #[command(after_help = help::LS)]
     Ls(ls::Args),
     #[command(after_help = help::CAT)]
@@ -64,10 +72,16 @@ enum Command {
     Doctor(doctor::Args),
     #[command(hide = true, after_help = help::NODE)]
     Node(node::Args),
+    #[command(hide = true, after_help = help::TREE)]
+    Tree(tree::TreeArgs),
+    #[command(hide = true, after_help = help::SUPERVISE)]
+    Supervise(tree::SuperviseArgs),
 }
 
 /// The program: `sinew` itself, or a user's binary that adds node types of its own.
 pub fn main(extra: &[NodeType]) -> ExitCode {
+    // Root and guard of a process tree run in this image: they need nothing of what follows.
+    guard::main_of(std::env::args_os().skip(1).collect());
     let parsed = help::command_line().try_get_matches();
     let command = match parsed.and_then(|matches| CommandLine::from_arg_matches(&matches)) {
         Ok(line) => line.command,
@@ -91,6 +105,9 @@ fn dispatch(command: Command, types: &[NodeType]) -> Result<(), Failure> {
         Command::Simulate(args) => simulate::run(args, types),
         Command::Drive(args) => drive::run(args, types),
         Command::Down(args) => down::run(args),
+        Command::Estop(args) => estop::run(args),
+        Command::Reset(args) => estop::person(&args, "reset"),
+        Command::Resume(args) => estop::person(&args, "resume"),
         Command::Ls(args) => ls::run(args),
         Command::Cat(args) => cat::run(args),
         Command::Hz(args) => hz::run(args),
@@ -102,5 +119,7 @@ fn dispatch(command: Command, types: &[NodeType]) -> Result<(), Failure> {
         Command::Bench(args) => bench::run(args, types),
         Command::Doctor(args) => doctor::run(args),
         Command::Node(args) => node::run(args, types),
+        Command::Tree(args) => tree::prepare(args, types),
+        Command::Supervise(args) => tree::supervise(args, types),
     }
 }

@@ -29,6 +29,7 @@ pub fn run(args: Args, types: &[NodeType]) -> Result<(), Failure> {
         seed: launch.seed,
         supervisor: std::env::var("SINEW_SUPERVISOR_PID").ok().and_then(|pid| pid.parse().ok()),
         fence: args.fence,
+        tree: live::TreeShare::inherited(),
     };
     live::run(&robot, &args.nodes, &options, |grants| {
         for grant in grants {

@@ -9,7 +9,7 @@ use runtime::robot::{Graph, NodeSpec, Restart as Wish, Robot};
 use runtime::{Layer, NodeType, clock};
 use std::path::PathBuf;
 use std::sync::mpsc;
-use supervisor::{Outcome, Plan, Program, Restart, StopHandle};
+use supervisor::{Front, Outcome, Plan, Program, Restart, StopHandle};
 
 /// Runs a robot: every node as a supervised process of its own
 #[derive(Debug, clap::Args)]
@@ -31,6 +31,9 @@ pub struct Args {
     /// Where the picture of the run goes; "none" for none
     #[arg(long, value_name = "FILE", default_value = "sinew-run.svg")]
     svg: PathBuf,
+    /// Starts standing: nothing moves before `sinew resume`
+    #[arg(long)]
+    stand: bool,
     #[command(flatten)]
     changes: Changes,
 }
@@ -40,23 +43,23 @@ pub fn run(args: Args, types: &[NodeType]) -> Result<(), Failure> {
     let length_s = args.length.as_deref().map(crate::output::parse_seconds).transpose();
     let length_s = length_s.map_err(|reason| Failure::new(USAGE, reason))?;
     let robot = load::robot(args.robot.as_deref(), &args.changes, types)?;
-    let graph = robot.graph().map_err(load::errors)?;
+    robot.graph().map_err(load::errors)?;
     warn_of_refused_real_time(&robot);
     let stop = StopHandle::new()?;
     let (reports, inbox) = mpsc::channel();
-    let mut plan = plan(&robot)?;
-    plan.stop = Some(stop.clone());
-    let root = plan.root.clone();
-    let launch = Launch::new(&robot, args.seed);
-    let supervising = {
-        let graph = graph.clone();
-        std::thread::Builder::new().name("supervisor".into()).spawn(move || {
-            let mut observer = |report: supervisor::Report<'_>| {
-                let _ = reports.send(view::News::of(report));
-            };
-            supervisor::run_prepared(plan, |root| fill(root, &launch, &graph), &mut observer)
-        })?
+    let root = plan(&robot)?.root;
+    let front = Front {
+        program: std::env::current_exe()?,
+        arguments: ["tree"].into_iter().chain(args.stand.then_some("--stand")).map(Into::into).collect(),
+        input: serde_json::to_vec(&Launch::new(&robot, args.seed))?,
+        stop: Some(stop.clone()),
     };
+    let supervising = std::thread::Builder::new().name("supervisor".into()).spawn(move || {
+        let mut observer = |report: supervisor::Report<'_>| {
+            let _ = reports.send(view::News::of(report));
+        };
+        supervisor::run_tree(front, &mut observer)
+    })?;
     let until = length_s.map(|seconds| clock::now().after_s(seconds));
     let over = || supervising.is_finished();
     let face = view::Face::choose(args.json, args.plain);
@@ -78,7 +81,7 @@ pub fn run(args: Args, types: &[NodeType]) -> Result<(), Failure> {
 
 /// Everything that the nodes find in the robot's folder: the launch's facts and every ring. All memory that the
 /// channels need is taken here, before anything moves.
-fn fill(root: &std::path::Path, launch: &Launch, graph: &Graph) -> Result<(), String> {
+pub(super) fn fill(root: &std::path::Path, launch: &Launch, graph: &Graph) -> Result<(), String> {
     launch.write(root).map_err(|e| e.message)?;
     let tree = Tree::shared(root).map_err(|e| e.to_string())?;
     for node in &graph.nodes {
@@ -90,7 +93,7 @@ fn fill(root: &std::path::Path, launch: &Launch, graph: &Graph) -> Result<(), St
 }
 
 /// A process for each node, or for each group of nodes that share one.
-fn plan(robot: &Robot) -> Result<Plan, Failure> {
+pub(super) fn plan(robot: &Robot) -> Result<Plan, Failure> {
     let program = std::env::current_exe()?;
     let root = supervisor::root_folder(&robot.name);
     let mut groups: Vec<(String, Vec<&NodeSpec>)> = Vec::new();
@@ -109,6 +112,7 @@ fn plan(robot: &Robot) -> Result<Plan, Failure> {
         let mut program = Program::new(name, argv);
         program.rule.restart =
             members.iter().map(|node| restart(node.restart)).min_by_key(|r| *r as u8).unwrap_or_default();
+        program.beats = members.len();
         program.rule.stop_group = members.iter().map(|node| stop_group(node.kind.layer)).max().unwrap_or(0);
         program
     });

@@ -22,6 +22,7 @@ pub mod drive;
 mod encoders;
 mod fields;
 mod framer;
+mod heritage;
 pub mod model;
 mod node;
 pub mod numbers;

@@ -17,19 +17,24 @@
 //! | `set_origin` | Trigger → Done | the odometry's zero is here |
 //! | `sound` | Sound → Done | one tone |
 //!
+//! The stop latch stands above all of it: when it does not allow motion, STOP goes out at once, past the queue, and the
+//! motors off after it. An operator's `stop` outlives this process: its successor is told.
+//!
 //! A missing link is data, no fault: `state.link` says which, every beam says `link_lost`. One command goes out per
 //! step at most (the firmware loses denser ones), so the node wants a short period: 10 ms beside the triggers
 //! `device` and `command`.
 
 use super::base::Base;
 use super::drive::{WireVelocity, quantize};
+use super::heritage::Heritage;
 use super::paths::Paths;
-use super::protocol::{Argument, MAX_PACKET, STOP_PACKETS, command, flag};
+use super::protocol::{Argument, HALT_PACKETS, LAST_WILL, MAX_PACKET, STOP_PACKETS, command, flag};
 use super::session::{Demand, Port, Session};
 use super::settings::P2osConfig;
+use super::sip::Identity;
 use messages::{Command, Done, Message, Sound, Switch, Trigger};
 use runtime::device::{Address, DeviceLink};
-use runtime::{Body, CallPort, Device, Fault, Layer, Node, OpenError, Ports, Reader, Request, Time};
+use runtime::{Body, CallPort, Device, Fault, Layer, Node, OpenError, Ports, Reader, Request, StopLatch, Time};
 
 /// A SONAR command that the robot does not follow is repeated this often [s].
 const SONAR_REPEAT_S: f64 = 1.0;
@@ -58,6 +63,12 @@ pub struct P2os {
     sonar_wanted: bool,
     sonar_said: Time,
     received: [u8; 512],
+    latch: StopLatch,
+    /// The change of the latch that this driver has obeyed.
+    latch_obeyed: Option<u32>,
+    heritage: Heritage,
+    /// Whom a predecessor has found at the other end of its line.
+    inherits: Option<Identity>,
 }
 
 /// The operator's calls.
@@ -86,6 +97,7 @@ impl Node for P2os {
     fn open(ports: &mut Ports, settings: P2osConfig) -> Result<P2os, OpenError> {
         settings.check()?;
         let device = ports.device(&settings.device)?;
+        device.will(LAST_WILL);
         let line_baud = match device.address() {
             Address::Serial { baud, .. } => Some(*baud),
             Address::Memory { baud, .. } => *baud,
@@ -109,11 +121,24 @@ impl Node for P2os {
             sonar_wanted: settings.sonar_on,
             sonar_said: Time::ZERO,
             received: [0; 512],
+            latch: ports.stop_latch(),
+            latch_obeyed: None,
+            heritage: Heritage::new(ports.keepsake()),
+            inherits: None,
             settings,
         })
     }
 
+    fn start(&mut self, _now: Time) -> Result<(), Fault> {
+        if let Some((orders, identity)) = self.heritage.read() {
+            self.base.drive.power.restore(orders);
+            self.inherits = Some(identity).filter(|identity| *identity != Identity::default());
+        }
+        Ok(())
+    }
+
     fn step(&mut self, now: Time) -> Result<(), Fault> {
+        self.obey_latch(now);
         self.receive(now);
         if std::mem::take(&mut self.base.has_connected) {
             self.connected(now);
@@ -124,6 +149,7 @@ impl Node for P2os {
         self.send(now);
         let Base { sip, ring, model, .. } = &self.base;
         self.paths.refresh(now, sip.as_ref(), ring, model, &self.session);
+        self.heritage.write(self.base.drive.power.orders(), self.session.identity());
         obeyed
     }
 
@@ -134,7 +160,24 @@ impl Node for P2os {
 }
 
 impl P2os {
+    /// Says STOP at once when the latch does not allow motion, whatever else is due, and that it has said so.
+    fn obey_latch(&mut self, now: Time) {
+        if self.latch.allows_motion() {
+            self.latch_obeyed = None;
+        } else if self.latch_obeyed != Some(self.latch.change()) && self.device.send(&HALT_PACKETS).is_ok() {
+            self.latch_obeyed = Some(self.latch.change());
+            self.latch.obeyed();
+            self.session.sent_aside(now, HALT_PACKETS.len());
+        }
+    }
+
     fn receive(&mut self, now: Time) {
+        if self.device.is_kept()
+            && self.device.link().is_open()
+            && let Some(identity) = self.inherits.take()
+        {
+            self.session.inherit(identity);
+        }
         self.session.port(now, port(self.device.link()));
         loop {
             let count = self.device.receive(&mut self.received);
@@ -238,7 +281,11 @@ impl P2os {
         let Base { drive, max_speed_m_s, max_turn_rad_s, .. } = &mut self.base;
         let sample = self.command.fresh(now).filter(|sample| sample.stamp >= self.connected_at);
         let wish = sample.map_or(Wish::Nothing, |sample| judge(now, sample.stamp, sample.message));
-        if let Wish::Move { forward_m_s, turn_rad_s, enable } = wish {
+        if !self.latch.allows_motion() {
+            // Power, too, is asked for anew when the latch lets go.
+            drive.power.command(false);
+            drive.want(WireVelocity::default());
+        } else if let Wish::Move { forward_m_s, turn_rad_s, enable } = wish {
             drive.power.command(enable);
             drive.want(quantize(forward_m_s, turn_rad_s, *max_speed_m_s, *max_turn_rad_s));
         } else {

@@ -49,6 +49,8 @@ pub struct Core {
     line_baud: Option<u32>,
     /// The port was open and is being opened anew at our own wish.
     is_reopening: bool,
+    /// Who a predecessor has found at the other end of the line that this session is given.
+    inherits: Option<Identity>,
 }
 
 /// Where the connection stands.
@@ -94,6 +96,7 @@ impl Core {
             baud_index: 0,
             line_baud,
             is_reopening: false,
+            inherits: None,
         }
     }
 
@@ -106,7 +109,10 @@ impl Core {
             if !std::mem::take(&mut self.is_reopening) {
                 self.link = Link::Connecting;
             }
-            return self.begin(now, framer);
+            return match self.inherits.take() {
+                Some(identity) if (self.config.knows)(&identity) => self.go_on(now, identity),
+                _ => self.begin(now, framer),
+            };
         }
         self.phase = Phase::Down;
         self.queue.clear();
@@ -128,6 +134,19 @@ impl Core {
         self.phase = phase;
         self.since = now;
         self.deadline = now.after_s(timeout_s);
+    }
+
+    /// The next opening of the port is of a line on which a session with `identity` goes on.
+    pub fn inherit(&mut self, identity: Identity) {
+        self.inherits = Some(identity);
+    }
+
+    /// Into the session of a dead predecessor: STOP, then its SIPs; when none comes, from the top.
+    fn go_on(&mut self, now: Time, identity: Identity) {
+        self.queue.clear();
+        self.queue.push(command::STOP, Argument::None);
+        self.identity = identity;
+        self.enter(now, Phase::Opening, self.config.sync_timeout_s);
     }
 
     /// From the top: STOP, then SYNC0.

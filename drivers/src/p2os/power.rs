@@ -91,6 +91,16 @@ impl Power {
         self.halted = true;
     }
 
+    /// What the operator has ordered, to be left to a successor: whether the robot is halted, whether power is forbidden.
+    pub fn orders(&self) -> (bool, bool) {
+        (self.halted, self.forbidden)
+    }
+
+    /// What the operator had ordered a predecessor.
+    pub fn restore(&mut self, (halted, forbidden): (bool, bool)) {
+        (self.halted, self.forbidden) = (halted, forbidden);
+    }
+
     /// What the device says about its motors.
     pub fn device(&mut self, on: bool) {
         self.device_on = Some(on);

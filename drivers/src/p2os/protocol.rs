@@ -51,6 +51,21 @@ pub const STOP_PACKETS: [u8; 24] = [
     0xFA, 0xFB, 6, command::CLOSE, KIND_POSITIVE, 1, 0, command::CLOSE + 1, KIND_POSITIVE,
 ];
 
+/// STOP and ENABLE 0: what stops a robot whose session goes on.
+#[rustfmt::skip]
+pub const HALT_PACKETS: [u8; 15] = [
+    0xFA, 0xFB, 3, command::STOP, 0, command::STOP, //
+    0xFA, 0xFB, 6, command::ENABLE, KIND_POSITIVE, 0, 0, command::ENABLE, KIND_POSITIVE,
+];
+
+/// What the guard writes for a driver that is dead: more bytes in all than the longest command that the firmware would
+/// still wait for the end of.
+pub const LAST_WILL: runtime::Will = runtime::Will {
+    bytes: &HALT_PACKETS,
+    repeat: (MAX_COMMAND_COUNT as u32 + 3).div_ceil(HALT_PACKETS.len() as u32),
+    spacing_us: 5_000,
+};
+
 /// Checksum of a payload: sum of big-endian words modulo 65536; an odd last byte is XORed into the low byte.
 pub fn checksum(payload: &[u8]) -> u16 {
     let (pairs, rest) = payload.as_chunks::<2>();

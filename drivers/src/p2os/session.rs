@@ -114,6 +114,16 @@ impl Session {
         }
     }
 
+    /// The port, when it opens, is one on which a predecessor's session with `identity` goes on.
+    pub fn inherit(&mut self, identity: Identity) {
+        self.core.inherit(identity);
+    }
+
+    /// A packet of `length` bytes went out past the session: the next ones keep their distance.
+    pub fn sent_aside(&mut self, now: Time, length: usize) {
+        self.core.sent(now, length);
+    }
+
     /// Takes bytes from the robot and hands on what they say.
     pub fn receive(&mut self, now: Time, mut bytes: &[u8], mut on_event: impl FnMut(Event)) {
         if !bytes.is_empty() {

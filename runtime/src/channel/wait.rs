@@ -99,6 +99,8 @@ pub enum Woken {
 pub struct Waiter {
     private: PrivateWord,
     words: Vec<WakeWord>,
+    /// A word in memory that lives as long as the process, and what it was.
+    fixed: Option<(&'static AtomicU32, u32)>,
     seen_private: (u32, u32),
     seen: Vec<(u32, bool)>,
     entries: Vec<Wait>,
@@ -121,6 +123,7 @@ impl Waiter {
     pub fn with_method(private: &PrivateWord, words: Vec<WakeWord>, method: Method) -> io::Result<Waiter> {
         let mut waiter = Waiter {
             private: private.clone(),
+            fixed: None,
             seen_private: (0, 0),
             seen: vec![(0, false); words.len()],
             entries: Vec::new(),
@@ -146,6 +149,15 @@ impl Waiter {
         Ok(waiter)
     }
 
+    /// Waits for changes of `word`, too, which other processes share. Without `futex_waitv` it is looked at only when
+    /// something else ends a wait.
+    pub fn also(&mut self, word: &'static AtomicU32) {
+        self.fixed = Some((word, word.load(Ordering::Relaxed)));
+        if self.method == Method::Vector && self.entries.len() < MOST_WORDS {
+            self.entries.push(entry(word, Scope::Shared));
+        }
+    }
+
     /// How it waits.
     pub fn method(&self) -> Method {
         self.method
@@ -159,6 +171,9 @@ impl Waiter {
         for (seen, word) in self.seen.iter_mut().zip(&self.words) {
             *seen = word.state();
         }
+        if let Some((word, seen)) = &mut self.fixed {
+            *seen = word.load(Ordering::Relaxed);
+        }
     }
 
     /// Sleeps until a word differs from its snapshot or CLOCK_MONOTONIC reaches `until_ns`.
@@ -167,6 +182,7 @@ impl Waiter {
         let ended = match self.method {
             Method::Vector => {
                 let values = std::iter::once(self.seen_private.0).chain(self.seen.iter().map(|seen| seen.0));
+                let values = values.chain(self.fixed.map(|(_, seen)| seen));
                 self.entries.iter_mut().zip(values).for_each(|(entry, value)| entry.val = u64::from(value));
                 futex::wait_any(&self.entries, until.as_ref())
             }
@@ -185,6 +201,9 @@ impl Waiter {
 
     fn changed(&self) -> Option<Woken> {
         if self.private.0.bumps.load(Ordering::Acquire) != self.seen_private.1 {
+            return Some(Woken::Private);
+        }
+        if self.fixed.is_some_and(|(word, seen)| word.load(Ordering::Relaxed) != seen) {
             return Some(Woken::Private);
         }
         let changed = self.words.iter().zip(&self.seen).position(|(word, seen)| word.state() != *seen);

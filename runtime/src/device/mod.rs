@@ -129,6 +129,23 @@ impl Device {
         }
     }
 
+    /// What stops this device when its driver is dead: the guard writes it then, and when an emergency stop finds the
+    /// driver dead. Say it in `open`.
+    pub fn will(&self, will: guard::Will) {
+        if let Back::Live(wire) = &self.back {
+            // A second will changes nothing: the first may be with the guard already.
+            let _ = wire.will.set(will);
+        }
+    }
+
+    /// Whether the open link is the one that a predecessor of this process had: the device has noticed nothing.
+    pub fn is_kept(&self) -> bool {
+        match &self.back {
+            Back::Live(wire) => wire.kept.load(Ordering::Acquire),
+            Back::Memory(_) => false,
+        }
+    }
+
     /// When the newest of the bytes that [`receive`](Device::receive) has given came.
     pub fn arrived(&self) -> Time {
         self.arrived

@@ -4,6 +4,7 @@ use std::os::fd::OwnedFd;
 use std::sync::atomic::{AtomicBool, AtomicU16, AtomicU32, AtomicU64, Ordering, fence};
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError, TryLockError};
 
+use guard::Will;
 use rustix::io::Errno;
 use rustix::net::SendFlags;
 
@@ -65,6 +66,10 @@ pub(crate) struct Wire {
     pub port: AtomicU16,
     /// Sends refused because `outgoing` was full or the link closed.
     pub refused_sends: AtomicU64,
+    /// What stops the device when its driver cannot.
+    pub will: OnceLock<Will>,
+    /// Whether the open line is one that a predecessor has left.
+    pub kept: AtomicBool,
     line: Mutex<Option<Line>>,
     waker: OnceLock<Waker>,
 }
@@ -83,6 +88,8 @@ impl Wire {
             baud: AtomicU32::new(0),
             port: AtomicU16::new(0),
             refused_sends: AtomicU64::new(0),
+            will: OnceLock::new(),
+            kept: AtomicBool::new(false),
             line: Mutex::new(None),
             waker: OnceLock::new(),
         }

@@ -20,6 +20,7 @@ use crate::node::{AnyNode, OpenError};
 use crate::path;
 use crate::pump::PumpBuilder;
 use crate::robot::{Body, Limp, NodeSpec, ReadWire, Resources, Robot};
+use crate::stop::{Keepsake, LatchCell, StopLatch, StopSource};
 use crate::time::Time;
 use messages::{Message, SupervisorState};
 use std::cell::Cell;
@@ -94,6 +95,8 @@ pub struct Ports {
     /// The memory links that bring bytes to this node, and which way.
     pub(crate) incoming: Vec<(MemoryLink, Direction)>,
     pub(crate) pump: PumpBuilder,
+    pub(crate) latch: Rc<LatchCell>,
+    pub(crate) keepsake: Keepsake,
 }
 
 impl Ports {
@@ -113,6 +116,8 @@ impl Ports {
             place,
             incoming: Vec::new(),
             pump: PumpBuilder::new(&spec.path()),
+            latch: Rc::default(),
+            keepsake: Keepsake::default(),
         }
     }
 
@@ -284,6 +289,25 @@ impl Ports {
         self.limp.as_ref()
     }
 
+    /// The stop latch, for a node that moves something: it must not while the latch does not allow it. A change of the
+    /// latch releases a step.
+    pub fn stop_latch(&mut self) -> StopLatch {
+        self.latch.declared.set(true);
+        StopLatch(self.latch.clone())
+    }
+
+    /// The right to stop the robot in this node's name, for one of these reasons.
+    pub fn stop_source(&mut self, reasons: &'static [&'static str]) -> StopSource {
+        let source = StopSource::new(self.spec.path(), reasons);
+        self.pump.stop_source(&source.0);
+        source
+    }
+
+    /// A few bytes that outlive this node's process. What a predecessor left can be read from `start` on.
+    pub fn keepsake(&mut self) -> Keepsake {
+        self.keepsake.clone()
+    }
+
     /// The robot's body.
     pub fn body(&self) -> &Body {
         &self.body
@@ -358,6 +382,7 @@ impl Ports {
     /// Fixes what the step at `now` can see.
     pub(crate) fn freeze(&self, now: Time) {
         self.now.set(now);
+        self.latch.freeze();
         for input in &self.inputs {
             input.freeze(now);
         }

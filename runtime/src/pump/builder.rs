@@ -4,9 +4,10 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use super::watch::Watch;
-use super::{Arrival, Log, Notifier, Part, Pump, Waker};
+use super::{Arrival, GuardLine, GuardPart, Log, Notifier, Part, Pump, Waker};
 use crate::calls::{self, CallLine, CallPort, Caller, LocalCalls, NodeState, OrderPort, Stage, StepWatch};
 use crate::device::{self, Device, Wire};
+use crate::stop::SourceWord;
 
 /// Poll, socket and formatting need a few KiB; the rest is reserve for the C library.
 const DEFAULT_STACK_BYTES: usize = 128 * 1024;
@@ -26,6 +27,8 @@ pub struct PumpBuilder {
     state: NodeState,
     step: Arc<StepWatch>,
     take_over: bool,
+    guard: Option<Arc<GuardLine>>,
+    sources: Vec<Arc<SourceWord>>,
 }
 
 /// Why a pump could not start.
@@ -64,6 +67,8 @@ impl PumpBuilder {
             state: NodeState::default(),
             step: Arc::default(),
             take_over: false,
+            guard: None,
+            sources: Vec::new(),
         }
     }
 
@@ -112,16 +117,41 @@ impl PumpBuilder {
         self.take_over = true;
     }
 
+    /// A source of stops that the guard is told of.
+    pub(crate) fn stop_source(&mut self, source: &Arc<SourceWord>) {
+        self.sources.push(source.clone());
+    }
+
+    /// Speaks to the guard of the robot in `root`, if the node has anything to say to it: the line, for the host.
+    pub(crate) fn guarded(&mut self, root: &Path) -> Option<Arc<GuardLine>> {
+        let has_will = self.wires.iter().any(|wire| wire.will.get().is_some());
+        if has_will || !self.sources.is_empty() {
+            self.guard = Some(Arc::new(GuardLine::new(root.to_owned(), &self.path, &self.sources)));
+        }
+        self.guard.clone()
+    }
+
     /// Opens the call socket under `root` (the robot's folder), and starts the thread, which opens the devices.
     pub fn spawn(self, root: &Path) -> Result<Pump, PumpError> {
         let waker = Waker::new().map_err(std::io::Error::from)?;
         let mut parts: Vec<Box<dyn Part>> = Vec::new();
+        if let Some(guard) = &self.guard {
+            // Before the devices: one that a predecessor has left is claimed first.
+            guard.attach(waker.clone());
+            parts.push(Box::new(GuardPart::new(guard.clone())));
+        }
         for wire in self.wires {
             if !wire.attach(waker.clone()) {
                 return Err(PumpError::AttachedTwice(format!("device {}", wire.address)));
             }
             let notify = told(&self.notifier, Arrival::Device);
-            parts.push(Box::new(device::LiveDevice::new(wire, notify, Arc::clone(&self.log), waker.clone())));
+            parts.push(Box::new(device::LiveDevice::new(
+                wire,
+                notify,
+                Arc::clone(&self.log),
+                waker.clone(),
+                self.guard.clone(),
+            )));
         }
         for stage in &self.stages {
             if !stage.attach(waker.clone()) {

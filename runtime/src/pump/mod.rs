@@ -4,6 +4,7 @@
 //! A [`PumpBuilder`] only collects (declaring a node opens nothing); [`PumpBuilder::spawn`] makes it live.
 
 mod builder;
+mod guarded;
 mod part;
 mod run;
 mod waker;
@@ -12,6 +13,7 @@ mod watch;
 use std::sync::Arc;
 
 pub use builder::{Attach, PumpBuilder, PumpError};
+pub(crate) use guarded::{GuardLine, GuardPart};
 pub(crate) use part::Part;
 pub use run::Pump;
 pub(crate) use run::monotonic;

@@ -2,6 +2,7 @@
 
 use std::net::SocketAddr;
 use std::os::fd::{AsFd, OwnedFd};
+use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::sync::mpsc::{Receiver, TryRecvError};
 
@@ -13,7 +14,7 @@ use super::tcp::{self, Lookup};
 use super::terminal::{open_terminal, set_raw};
 use crate::Time;
 use crate::device::{Address, WhyClosed};
-use crate::pump::Waker;
+use crate::pump::{GuardLine, Waker};
 
 /// How long one address has to take a connection.
 const CONNECT_S: f64 = 3.0;
@@ -23,6 +24,9 @@ pub(super) struct Client {
     back_off: BackOff,
     attempt: Attempt,
     waker: Waker,
+    guard: Option<Arc<GuardLine>>,
+    /// Whether the guard may still have what a predecessor has left.
+    may_claim: bool,
 }
 
 /// A connection on its way.
@@ -33,12 +37,13 @@ enum Attempt {
 }
 
 impl Client {
-    pub fn new(waker: Waker) -> Client {
-        Client { back_off: BackOff::new(), attempt: Attempt::None, waker }
+    pub fn new(waker: Waker, guard: Option<Arc<GuardLine>>) -> Client {
+        Client { back_off: BackOff::new(), attempt: Attempt::None, waker, may_claim: guard.is_some(), guard }
     }
 
     pub fn advance(&mut self, now: Time, stream: &mut Stream) -> Option<Time> {
         if stream.wire.reopen.swap(false, Ordering::AcqRel) {
+            self.give_up(stream);
             stream.opening();
             self.attempt = Attempt::None;
             self.back_off.hurry();
@@ -87,6 +92,14 @@ impl Client {
 
     fn begin(&mut self, now: Time, stream: &mut Stream) {
         self.back_off.rest();
+        if std::mem::take(&mut self.may_claim)
+            && stream.wire.will.get().is_some()
+            && let Some(kept) = self.guard.as_ref().and_then(|guard| guard.claim(&stream.wire.address.to_string()))
+        {
+            stream.wire.kept.store(true, Ordering::Release);
+            return self.open(stream, kept, matches!(stream.wire.address, Address::Tcp { .. }));
+        }
+        stream.wire.kept.store(false, Ordering::Release);
         let opened = match stream.wire.address.clone() {
             Address::Serial { path, baud } => open_terminal(&path, Some(baud)),
             Address::Pty { path } => open_terminal(&path, None),
@@ -125,6 +138,16 @@ impl Client {
         // A rate that was asked for belonged to the old link.
         stream.wire.baud.store(0, Ordering::Release);
         stream.open(descriptor, socket);
+        if let (Some(guard), Some(will), Some(line)) = (&self.guard, stream.wire.will.get(), &stream.line) {
+            guard.leave(&stream.wire.address.to_string(), &line.descriptor, *will);
+        }
+    }
+
+    /// The line is closed, and nobody has to stop the device.
+    pub fn give_up(&self, stream: &Stream) {
+        if let Some(guard) = self.guard.as_ref().filter(|_| stream.line.is_some()) {
+            guard.give_up(&stream.wire.address.to_string());
+        }
     }
 
     fn lost(&mut self, now: Time, stream: &mut Stream, why: WhyClosed) {
@@ -133,6 +156,7 @@ impl Client {
             self.back_off.succeeded();
             stream.alive = false;
         }
+        self.give_up(stream);
         stream.close(why);
         self.attempt = Attempt::None;
         self.back_off.failed(now);

@@ -19,7 +19,7 @@ use stream::Stream;
 
 use super::{Address, Side, WhyClosed, Wire};
 use crate::Time;
-use crate::pump::{Log, Part, Waker};
+use crate::pump::{GuardLine, Log, Part, Waker};
 
 /// A device as the pump runs it.
 pub(crate) struct LiveDevice {
@@ -35,9 +35,15 @@ enum Source {
 
 impl LiveDevice {
     /// Runs `wire`; `notify` tells the step of bytes and of changes of the link, `log` tells people of the latter.
-    pub fn new(wire: Arc<Wire>, notify: Box<dyn Fn() + Send>, log: Log, waker: Waker) -> LiveDevice {
+    pub fn new(
+        wire: Arc<Wire>,
+        notify: Box<dyn Fn() + Send>,
+        log: Log,
+        waker: Waker,
+        guard: Option<Arc<GuardLine>>,
+    ) -> LiveDevice {
         let source = match (wire.side, &wire.address) {
-            (Side::Client, _) => Source::Client(Client::new(waker)),
+            (Side::Client, _) => Source::Client(Client::new(waker, guard)),
             (Side::Server, Address::Pty { .. }) => Source::ServePty(ServePty::new()),
             (Side::Server, _) => Source::Listen(Listen::new(waker)),
         };
@@ -75,6 +81,10 @@ impl Part for LiveDevice {
     fn close(&mut self) -> bool {
         if self.stream.line.is_some() && self.stream.flush().is_ok() && !self.stream.wire.outgoing.is_empty() {
             return false;
+        }
+        if let Source::Client(client) = &self.source {
+            // The driver has said its last word itself.
+            client.give_up(&self.stream);
         }
         self.stream.close(WhyClosed::Stopped);
         if let Source::ServePty(pty) = &mut self.source {
