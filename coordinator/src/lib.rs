@@ -8,6 +8,7 @@ pub mod mode;
 pub mod opinion;
 pub mod priority;
 pub mod priority_with_veto;
+pub mod response;
 pub mod round;
 pub mod switch_80cm;
 pub mod weighted;

@@ -5,11 +5,11 @@ use crate::launch::Launch;
 use crate::load::{self, Changes};
 use crate::view;
 use runtime::channel::Tree;
-use runtime::robot::{Graph, NodeSpec, RecordTable, Restart as Wish, Robot};
-use runtime::{Layer, NodeType, clock};
+use runtime::robot::{Graph, RecordTable, Robot};
+use runtime::{NodeType, clock};
 use std::path::PathBuf;
 use std::sync::mpsc;
-use supervisor::{Front, Outcome, Plan, Program, Restart, StopHandle};
+use supervisor::{Care, Crew, Front, Outcome, Plan, Program, Restart, RobotPlan, StopHandle};
 
 /// Runs a robot: every node as a supervised process of its own
 #[derive(Debug, clap::Args)]
@@ -51,6 +51,10 @@ pub fn run(mut args: Args, types: &[NodeType]) -> Result<(), Failure> {
     let length_s = length_s.map_err(|reason| Failure::new(USAGE, reason))?;
     let robot = load::robot(args.robot.as_deref(), &args.changes, types)?;
     let graph = robot.graph().map_err(load::errors)?;
+    let verdict = crate::admission::judge(&graph, &robot.file);
+    if !verdict.errors.is_empty() {
+        return Err(load::errors(verdict.errors));
+    }
     for warning in &graph.warnings {
         eprintln!("warning: {warning}");
     }
@@ -99,6 +103,9 @@ pub(super) fn fill(root: &std::path::Path, launch: &Launch, graph: &Graph) -> Re
             tree.prepare(&written.path, &written.geometry).map_err(|e| e.to_string())?;
         }
     }
+    for (path, geometry) in supervisor::supervisor_channels() {
+        tree.prepare(path, &geometry).map_err(|e| e.to_string())?;
+    }
     Ok(())
 }
 
@@ -106,31 +113,23 @@ pub(super) fn fill(root: &std::path::Path, launch: &Launch, graph: &Graph) -> Re
 pub(super) fn plan(robot: &Robot) -> Result<Plan, Failure> {
     let program = std::env::current_exe()?;
     let root = supervisor::root_folder(&robot.name);
-    let mut groups: Vec<(String, Vec<&NodeSpec>)> = Vec::new();
-    for node in &robot.nodes {
-        match &node.process {
-            Some(name) => match groups.iter_mut().find(|(known, _)| known == name) {
-                Some((_, members)) => members.push(node),
-                None => groups.push((name.clone(), vec![node])),
-            },
-            None => groups.push((node.path(), vec![node])),
-        }
-    }
-    let programs = groups.into_iter().map(|(name, members)| {
+    let RobotPlan { mut crews, mut supervision, .. } = RobotPlan::of(robot);
+    let programs = crews.iter().zip(&supervision.nodes).map(|(crew, care)| {
         let mut argv = vec![program.clone().into_os_string(), "node".into(), "--root".into(), root.clone().into()];
-        argv.extend(members.iter().map(|node| node.path().into()));
-        let mut program = Program::new(name, argv);
-        program.rule.restart =
-            members.iter().map(|node| restart(node.restart)).min_by_key(|r| *r as u8).unwrap_or_default();
-        program.beats = members.len();
-        program.rule.stop_group = members.iter().map(|node| stop_group(node.kind.layer)).max().unwrap_or(0);
+        argv.extend(crew.nodes.iter().map(|&node| robot.nodes[node].path().into()));
+        let mut program = Program::new(crew.name.clone(), argv);
+        program.beats = crew.nodes.len();
+        program.rule = care.rule;
         program
     });
     let mut programs: Vec<Program> = programs.collect();
     if let Some(record) = &robot.record {
-        programs.push(recorder(robot, record, &program)?);
+        let program = recorder(robot, record, &program)?;
+        crews.push(Crew { name: program.instance.clone(), nodes: Vec::new(), paths: Vec::new(), fresh: Vec::new() });
+        supervision.nodes.push(Care::plain(program.rule));
+        programs.push(program);
     }
-    Ok(Plan::new(robot.name.clone(), programs))
+    Ok(Plan { supervision: Some(supervision), crews, ..Plan::new(robot.name.clone(), programs) })
 }
 
 /// The recorder: the first to start and the last to stop. When it ends, for want of space say, the robot goes on.
@@ -153,24 +152,6 @@ fn recorder(robot: &Robot, record: &RecordTable, program: &std::path::Path) -> R
     program.rule.stop_group = 3;
     program.rule.grace_s = 10.0;
     Ok(program)
-}
-
-fn restart(wish: Wish) -> Restart {
-    match wish {
-        Wish::Always => Restart::Always,
-        Wish::OnFailure => Restart::OnFailure,
-        Wish::Never => Restart::Never,
-    }
-}
-
-/// Groups stop in ascending and start in descending order: a driver outlives those who command it, so that its last
-/// order to the wheels is its own, and the simulated device outlives the driver.
-fn stop_group(layer: Layer) -> u8 {
-    match layer {
-        Layer::Simulator => 2,
-        Layer::Drivers => 1,
-        _ => 0,
-    }
 }
 
 /// One warning for all nodes, where the robot file asks for what this user may not have.
