@@ -4,8 +4,8 @@
 #[path = "../tests/planar/mod.rs"]
 mod planar;
 
-use actions::follow_gap::planner::Setup;
 use actions::follow_gap::FollowGapConfig;
+use actions::follow_gap::planner::Setup;
 
 fn main() {
     let args: Vec<String> = std::env::args().skip(1).collect();
@@ -50,7 +50,13 @@ fn main() {
         *of = (of.0 + u32::from(result.success), of.1 + 1);
         step_us.extend(result.step_us);
         if !result.success || result.score < 0.499 || only.is_some() {
-            let what = if result.success { "slow" } else if result.collided { "COLLISION" } else { "TIMEOUT" };
+            let what = if result.success {
+                "slow"
+            } else if result.collided {
+                "COLLISION"
+            } else {
+                "TIMEOUT"
+            };
             println!("world {} {what} {:.1} s score {:.3}", course.index, result.time_s, result.score);
         }
         if trial.keep_track {

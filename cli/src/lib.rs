@@ -11,6 +11,7 @@
 pub mod built_in;
 mod commands;
 pub mod exit;
+pub mod experiments;
 pub mod launch;
 pub mod live;
 pub mod load;
@@ -22,4 +23,7 @@ pub mod view;
 pub use commands::main;
 pub use messages;
 pub use runtime;
+// For settings of one's own nodes: `#[serde(crate = "sinew::serde")]`, `#[schemars(crate = "sinew::schemars")]`.
 pub use runtime::{Bench, Fault, Layer, Node, NodeType, OpenError, Ports, Reader, Sample, Set, Time, Writer};
+pub use schemars;
+pub use serde;

@@ -1,71 +1,32 @@
-//! Combines the proposals of all actions, axis by axis, into one wanted velocity.
+//! Combines the proposals of all actions into one wanted velocity, under a mode.
 //!
-//! Reads `proposals` (a set, `/actions/*/proposal`); writes `velocity` and `state`. Each axis is decided on its own by
-//! the mode's policy ([`crate::weighted`], [`crate::priority`]); the caps of every proposal that has not expired apply afterwards,
-//! whatever its weight, and then the mode's own limits. An axis on which all abstain is zero.
+//! Reads `proposals` (a set, `/actions/*/proposal`); optionally `room` (is an obstacle near?), `goal` (does it come nearer?)
+//! and `stop` (is something waited for?). Writes `velocity`, `state` and `detour`. The mode's algorithm decides
+//! ([`crate::mode::Algorithm`]); the caps of every proposal that has not expired apply afterwards, whatever its weight, and
+//! so do the mode's own limits. An axis on which all abstain is zero. The calls `set_mode` and `get_mode` need no period:
+//! a call releases a step. A mode that does not exist is refused, and nothing changes.
 
 use crate::arbitration::Arbitration;
-use crate::opinion::Caps;
-use messages::{CoordinatorState, Proposal, Twist};
-use runtime::{Fault, Layer, Node, OpenError, Ports, Set, Time, Writer};
+use crate::minimum::{Minimum, MinimumConfig};
+use crate::mode::Mode;
+use messages::{
+    CoordinatorState, Detour, GotoProgress, ModeState, Proposal, ProtectiveStop, Room, SetMode, Side, StopCause,
+    Trigger, Twist,
+};
+use runtime::{CallPort, Fault, Layer, Node, OpenError, Ports, Reader, Set, Time, Writer};
 use schemars::JsonSchema;
 use serde::Deserialize;
-use std::collections::BTreeMap;
-
-/// How the opinions on one axis become one.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum Policy {
-    /// Mean by weight times urgency.
-    #[default]
-    Weighted,
-    /// The weightiest decides alone.
-    Priority,
-}
-
-/// Which actions count, and how fast the body may go.
-#[derive(Debug, Clone, PartialEq, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields, default)]
-pub struct Mode {
-    /// The mode's name.
-    pub name: String,
-    /// How opinions on one axis become one.
-    pub policy: Policy,
-    /// Weight of each action, by instance name; zero silences its wishes, never its caps.
-    pub weights: BTreeMap<String, f64>,
-    /// Weight of an action that is not listed.
-    pub other_weight: f64,
-    /// Greatest forward speed; the body's own when left out [m/s].
-    pub max_forward_m_s: Option<f64>,
-    /// Greatest backward speed; the body's own when left out [m/s].
-    pub max_backward_m_s: Option<f64>,
-    /// Greatest speed to either side [m/s].
-    pub max_sideways_m_s: f64,
-    /// Greatest turn rate; the body's own when left out [rad/s].
-    pub max_turn_rad_s: Option<f64>,
-}
-
-impl Default for Mode {
-    fn default() -> Mode {
-        Mode {
-            name: "default".into(),
-            policy: Policy::Weighted,
-            weights: BTreeMap::new(),
-            other_weight: 1.0,
-            max_forward_m_s: None,
-            max_backward_m_s: None,
-            max_sideways_m_s: 0.0,
-            max_turn_rad_s: None,
-        }
-    }
-}
 
 /// Settings of [`Arbiter`].
 #[derive(Debug, Clone, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct ArbiterConfig {
-    /// The mode.
-    pub mode: Mode,
+    /// The modes; callers name them by their index, counted from 0.
+    pub modes: Vec<Mode>,
+    /// Name of the mode to begin with; the first one when left out.
+    pub start_mode: Option<String>,
+    /// When a goal that comes no nearer is in a local minimum.
+    pub minimum: MinimumConfig,
     /// Speeds for the words 1, 2, 3 along x and y [m/s].
     pub speed_words_m_s: [f64; 3],
     /// Turn rates for the words 1, 2, 3 [rad/s].
@@ -74,16 +35,30 @@ pub struct ArbiterConfig {
 
 impl Default for ArbiterConfig {
     fn default() -> ArbiterConfig {
-        ArbiterConfig { mode: Mode::default(), speed_words_m_s: [0.1, 0.2, 0.3], turn_words_rad_s: [0.15, 0.35, 0.7] }
+        ArbiterConfig {
+            modes: vec![Mode::default()],
+            start_mode: None,
+            minimum: MinimumConfig::default(),
+            speed_words_m_s: [0.1, 0.2, 0.3],
+            turn_words_rad_s: [0.15, 0.35, 0.7],
+        }
     }
 }
 
 /// The node.
 pub struct Arbiter {
     proposals: Set<Proposal>,
+    room: Reader<Room>,
+    goal: Reader<GotoProgress>,
+    stop: Reader<ProtectiveStop>,
     velocity: Writer<Twist>,
     state: Writer<CoordinatorState>,
+    detour: Writer<Detour>,
+    set_mode: CallPort<SetMode, ModeState>,
+    get_mode: CallPort<Trigger, ModeState>,
     arbitration: Arbitration,
+    minimum: Minimum,
+    minimum_config: MinimumConfig,
 }
 
 impl Node for Arbiter {
@@ -92,37 +67,77 @@ impl Node for Arbiter {
     type Config = ArbiterConfig;
 
     fn open(ports: &mut Ports, config: ArbiterConfig) -> Result<Arbiter, OpenError> {
-        check(&config).map_err(OpenError::config)?;
-        let body = ports.body();
-        let mode = &config.mode;
-        let limits = [
-            Caps::new(
-                mode.max_forward_m_s.unwrap_or(body.max_forward_m_s),
-                mode.max_backward_m_s.unwrap_or(body.max_backward_m_s),
-            ),
-            Caps::new(mode.max_sideways_m_s, mode.max_sideways_m_s),
-            {
-                let turn = mode.max_turn_rad_s.unwrap_or(body.max_turn_rad_s);
-                Caps::new(turn, turn)
-            },
-        ];
+        let start = check(&config).map_err(OpenError::config)?;
+        let (speed, turn) = (config.speed_words_m_s, config.turn_words_rad_s);
+        let mut arbitration = Arbitration::new(config.modes, ports.body(), [speed, speed, turn]);
+        arbitration.set_mode(start);
         Ok(Arbiter {
             proposals: ports.set("proposals")?,
+            room: ports.optional_reader("room")?,
+            goal: ports.optional_reader("goal")?,
+            stop: ports.optional_reader("stop")?,
             velocity: ports.writer("velocity")?,
             state: ports.writer("state")?,
-            arbitration: Arbitration::new(config, limits),
+            detour: ports.writer("detour")?,
+            set_mode: ports.call("set_mode")?,
+            get_mode: ports.call("get_mode")?,
+            arbitration,
+            minimum: Minimum::default(),
+            minimum_config: config.minimum,
         })
     }
 
     fn step(&mut self, now: Time) -> Result<(), Fault> {
+        self.answer();
         let arbitration = &mut self.arbitration;
         arbitration.begin();
         self.proposals.each(|path, sample| arbitration.hear(instance(path), now.since(sample.stamp), sample.message));
-        let (velocity, state) = arbitration.decide();
+        let room = self.room.fresh(now).map(|room| *room.message);
+        let mut detour = Detour::default();
+        if arbitration.mode().leaves_minima {
+            let goal = self.goal.fresh(now).map(|goal| *goal.message);
+            let waits = self.stop.fresh(now).is_some_and(|stop| waits(&stop));
+            detour = self.minimum.update(now, goal.as_ref(), room.as_ref(), waits, &self.minimum_config);
+        } else {
+            self.minimum = Minimum::default();
+        }
+        // Without a word on the room, the actions that take over say by themselves when they do.
+        let switch_m = arbitration.mode().switch_m;
+        let near = detour.side != Side::None as u32 || room.is_none_or(|room| room.nearest_m < switch_m);
+        let (velocity, state) = arbitration.decide(near);
         self.velocity.write(now, &velocity);
         self.state.write(now, &state);
+        self.detour.write(now, &detour);
         Ok(())
     }
+}
+
+impl Arbiter {
+    fn answer(&mut self) {
+        while let Some(request) = self.set_mode.take() {
+            if self.arbitration.set_mode(request.message.mode) {
+                let state = self.mode_state();
+                self.set_mode.answer(request, &state);
+            } else {
+                self.set_mode
+                    .refuse(request, "there is no such mode: modes are counted from 0 in the robot file's list");
+            }
+        }
+        while let Some(request) = self.get_mode.take() {
+            let state = self.mode_state();
+            self.get_mode.answer(request, &state);
+        }
+    }
+
+    fn mode_state(&self) -> ModeState {
+        let (mode, modes) = self.arbitration.mode_index();
+        ModeState { mode: mode as u64, modes: modes as u64 }
+    }
+}
+
+/// Whether a protective stop waits for somebody to go away or to let go; a thing in the zone may be passed.
+fn waits(stop: &ProtectiveStop) -> bool {
+    stop.cause == StopCause::Bumper as u32 || stop.cause == StopCause::Held as u32
 }
 
 /// The instance that writes `path`: `forward` for `/actions/forward/proposal`.
@@ -130,22 +145,21 @@ fn instance(path: &str) -> &str {
     path.rsplit('/').nth(1).unwrap_or("")
 }
 
-fn check(config: &ArbiterConfig) -> Result<(), String> {
-    let mode = &config.mode;
-    let weights = mode.weights.iter().map(|(action, weight)| (format!("mode.weights.{action}"), *weight));
-    let limits = [
-        ("mode.max_forward_m_s", mode.max_forward_m_s),
-        ("mode.max_backward_m_s", mode.max_backward_m_s),
-        ("mode.max_turn_rad_s", mode.max_turn_rad_s),
-        ("mode.max_sideways_m_s", Some(mode.max_sideways_m_s)),
-        ("mode.other_weight", Some(mode.other_weight)),
-    ];
-    let limits = limits.into_iter().filter_map(|(key, value)| Some((key.to_owned(), value?)));
-    for (key, value) in weights.chain(limits) {
-        if !value.is_finite() || value < 0.0 {
-            return Err(format!("{key} = {value} must be a number, zero or greater"));
+/// Says what is wrong, or the index of the mode to begin with.
+fn check(config: &ArbiterConfig) -> Result<u64, String> {
+    if config.modes.is_empty() {
+        return Err("modes is empty: give at least one".into());
+    }
+    for (index, mode) in config.modes.iter().enumerate() {
+        mode.check(&format!("modes[{index}]"))?;
+        if config.modes[..index].iter().any(|other| other.name == mode.name) {
+            return Err(format!(
+                "modes[{index}] is called \"{}\" like one before: give it a name of its own",
+                mode.name
+            ));
         }
     }
+    config.minimum.check()?;
     for (key, words) in [("speed_words_m_s", &config.speed_words_m_s), ("turn_words_rad_s", &config.turn_words_rad_s)] {
         if !(words[0] >= 0.0 && words[0] <= words[1] && words[1] <= words[2] && words[2].is_finite()) {
             return Err(format!(
@@ -153,7 +167,14 @@ fn check(config: &ArbiterConfig) -> Result<(), String> {
             ));
         }
     }
-    Ok(())
+    let Some(start) = &config.start_mode else { return Ok(0) };
+    match config.modes.iter().position(|mode| mode.name == *start) {
+        Some(index) => Ok(index as u64),
+        None => {
+            let names: Vec<&str> = config.modes.iter().map(|mode| mode.name.as_str()).collect();
+            Err(format!("start_mode = \"{start}\" is no mode; modes are {}", names.join(", ")))
+        }
+    }
 }
 
 #[cfg(test)]
@@ -169,10 +190,13 @@ mod tests {
     #[test]
     fn a_setting_out_of_bounds_is_named() {
         let mut config = ArbiterConfig::default();
-        config.mode.weights.insert("forward".into(), -1.0);
-        assert!(check(&config).unwrap_err().starts_with("mode.weights.forward = -1"));
+        config.modes[0].weights.insert("forward".into(), -1.0);
+        assert!(check(&config).unwrap_err().starts_with("modes[0].weights.forward = -1"));
+        let config = ArbiterConfig { start_mode: Some("fast".into()), ..ArbiterConfig::default() };
+        assert_eq!(check(&config).unwrap_err(), "start_mode = \"fast\" is no mode; modes are default");
+        assert!(check(&ArbiterConfig { modes: vec![], ..ArbiterConfig::default() }).unwrap_err().contains("empty"));
         let config = ArbiterConfig { turn_words_rad_s: [0.3, 0.2, 0.1], ..ArbiterConfig::default() };
         assert!(check(&config).unwrap_err().starts_with("turn_words_rad_s"));
-        assert_eq!(check(&ArbiterConfig::default()), Ok(()));
+        assert_eq!(check(&ArbiterConfig::default()), Ok(0));
     }
 }

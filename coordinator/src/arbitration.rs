@@ -1,10 +1,10 @@
-//! One round of arbitration, without ports: hear every proposal, then decide each axis.
+//! One round of arbitration, without ports: hear every proposal, then decide by the mode's algorithm.
 
-use crate::arbiter::{ArbiterConfig, Policy};
+use crate::mode::Mode;
 use crate::opinion::{Caps, Decision, Opinion, Words};
-use crate::priority::priority;
-use crate::weighted::weighted;
+use crate::round::Round;
 use messages::{Axis, CoordinatorState, Proposal, Twist};
+use runtime::Body;
 
 /// Most opinions on one axis; the caps of further proposals still count.
 const CAPACITY: usize = 64;
@@ -12,25 +12,51 @@ const CAPACITY: usize = 64;
 /// What has been heard in this round.
 #[derive(Debug)]
 pub struct Arbitration {
-    config: ArbiterConfig,
-    limits: [Caps; 3],
+    modes: Vec<Mode>,
+    /// Each mode's own limits (forward, sideways, turn).
+    limits: Vec<[Caps; 3]>,
+    words: [Words; 3],
+    mode: usize,
     opinions: [Vec<Opinion>; 3],
-    caps: [Caps; 3],
+    vetoes: [Caps; 3],
     state: CoordinatorState,
 }
 
 impl Arbitration {
-    /// Under `config`, never faster than `limits` (forward, sideways, turn).
-    pub fn new(config: ArbiterConfig, limits: [Caps; 3]) -> Arbitration {
+    /// With `modes` (at least one) for `body`; words as numbers for each axis. The first mode counts.
+    pub fn new(modes: Vec<Mode>, body: &Body, words: [Words; 3]) -> Arbitration {
+        let limits = modes.iter().map(|mode| mode.limits(body)).collect();
         let opinions = [(); 3].map(|()| Vec::with_capacity(CAPACITY));
-        Arbitration { config, limits, opinions, caps: limits, state: CoordinatorState::default() }
+        let state = CoordinatorState::default();
+        Arbitration { modes, limits, words, mode: 0, opinions, vetoes: [Caps::FREE; 3], state }
+    }
+
+    /// The mode.
+    pub fn mode(&self) -> &Mode {
+        &self.modes[self.mode]
+    }
+
+    /// The mode's index, and how many there are.
+    pub fn mode_index(&self) -> (usize, usize) {
+        (self.mode, self.modes.len())
+    }
+
+    /// Changes the mode; false when there is none with this index.
+    pub fn set_mode(&mut self, index: u64) -> bool {
+        match usize::try_from(index) {
+            Ok(index) if index < self.modes.len() => {
+                self.mode = index;
+                true
+            }
+            _ => false,
+        }
     }
 
     /// Forgets the last round.
     pub fn begin(&mut self) {
         self.opinions.iter_mut().for_each(Vec::clear);
-        self.caps = self.limits;
-        self.state = CoordinatorState::default();
+        self.vetoes = [Caps::FREE; 3];
+        self.state = CoordinatorState { mode: self.mode as u32, ..CoordinatorState::default() };
     }
 
     /// Takes in what `action` proposed `age_s` ago.
@@ -41,31 +67,34 @@ impl Arbitration {
             return;
         }
         self.state.proposals += 1;
-        let mode = &self.config.mode;
-        let weight = mode.weights.get(action).copied().unwrap_or(mode.other_weight);
-        let (speed, turn): (&Words, &Words) = (&self.config.speed_words_m_s, &self.config.turn_words_rad_s);
-        let axes: [(&Axis, &Words); 3] =
-            [(&proposal.forward, speed), (&proposal.sideways, speed), (&proposal.turn, turn)];
-        for (k, (axis, words)) in axes.into_iter().enumerate() {
-            self.caps[k].tighten(axis);
-            if let Some(opinion) = Opinion::of(axis, weight, proposal.urgency, words)
+        let mode = &self.modes[self.mode];
+        let weight = mode.weight(action);
+        let takes_over = mode.takes_over.iter().any(|name| name == action);
+        let axes: [&Axis; 3] = [&proposal.forward, &proposal.sideways, &proposal.turn];
+        for (k, axis) in axes.into_iter().enumerate() {
+            self.vetoes[k].tighten(axis);
+            if let Some(opinion) = Opinion::of(axis, weight, proposal.urgency, &self.words[k])
                 && self.opinions[k].len() < CAPACITY
             {
-                self.opinions[k].push(opinion);
+                self.opinions[k].push(Opinion { action: self.state.proposals as usize, takes_over, ..opinion });
             }
         }
     }
 
-    /// The wanted velocity, and how it came about.
-    pub fn decide(&mut self) -> (Twist, CoordinatorState) {
+    /// The wanted velocity, and how it came about. `near`: an obstacle is nearer than the mode's switching distance.
+    pub fn decide(&mut self, near: bool) -> (Twist, CoordinatorState) {
+        let round = Round {
+            opinions: [&self.opinions[0], &self.opinions[1], &self.opinions[2]],
+            vetoes: self.vetoes,
+            limits: self.limits[self.mode],
+            words: self.words,
+            near,
+        };
+        let decisions = self.modes[self.mode].algorithm.decide(&round);
         let mut values = [0.0; 3];
         for (k, value) in values.iter_mut().enumerate() {
-            let policy = match self.config.mode.policy {
-                Policy::Weighted => weighted,
-                Policy::Priority => priority,
-            };
-            let decision = policy(&self.opinions[k]).unwrap_or(Decision { value: 0.0, share: 0.0 });
-            *value = self.caps[k].apply(decision.value);
+            let decision = decisions[k].unwrap_or(Decision { value: 0.0, share: 0.0 });
+            *value = round.limits[k].and(&round.vetoes[k]).apply(decision.value);
             self.state.share[k] = decision.share;
             if *value != decision.value {
                 self.state.capped |= 1 << k;
@@ -79,14 +108,23 @@ impl Arbitration {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::arbiter::Mode;
+    use crate::mode::Algorithm;
     use messages::Wish;
     use proptest::prelude::*;
 
-    fn arbitration(policy: Policy, weights: &[(&str, f64)]) -> Arbitration {
+    const ALL: [Algorithm; 5] = [
+        Algorithm::Weighted,
+        Algorithm::Priority,
+        Algorithm::Switch80cm,
+        Algorithm::Fuzzy,
+        Algorithm::PriorityWithVeto,
+    ];
+
+    fn arbitration(algorithm: Algorithm, weights: &[(&str, f64)]) -> Arbitration {
         let weights = weights.iter().map(|&(name, weight)| (name.to_owned(), weight)).collect();
-        let config = ArbiterConfig { mode: Mode { policy, weights, ..Mode::default() }, ..ArbiterConfig::default() };
-        Arbitration::new(config, [Caps::new(0.3, 0.1), Caps::new(0.0, 0.0), Caps::new(0.8, 0.8)])
+        let mode = Mode { algorithm, weights, ..Mode::default() };
+        let body = Body { max_forward_m_s: 0.3, max_backward_m_s: 0.1, max_turn_rad_s: 0.8, ..Body::default() };
+        Arbitration::new(vec![mode], &body, [[0.1, 0.2, 0.3], [0.1, 0.2, 0.3], [0.15, 0.35, 0.7]])
     }
 
     fn proposal(forward: Axis, turn: Axis) -> Proposal {
@@ -98,24 +136,25 @@ mod tests {
         for (action, age_s, proposal) in proposals {
             arbitration.hear(action, *age_s, proposal);
         }
-        arbitration.decide()
+        arbitration.decide(true)
     }
 
     #[test]
     fn no_proposal_is_standing_still() {
-        let (twist, state) = decide(&mut arbitration(Policy::Weighted, &[]), &[]);
+        let (twist, state) = decide(&mut arbitration(Algorithm::Weighted, &[]), &[]);
         assert_eq!(twist, Twist::default());
         assert_eq!(state.proposals, 0);
     }
 
     #[test]
     fn wander_emerges_because_both_axes_are_obeyed() {
-        for policy in [Policy::Weighted, Policy::Priority] {
+        for algorithm in ALL {
             let forward = proposal(Axis::exact(0.25), Axis::NONE);
             let steer_clear = proposal(Axis::NONE, Axis::exact(-0.5));
             let all = [("forward", 0.0, forward), ("steer_clear", 0.1, steer_clear)];
-            let (twist, _) = decide(&mut arbitration(policy, &[]), &all);
-            assert_eq!((twist.linear_x_m_s, twist.angular_z_rad_s), (0.25, -0.5));
+            let (twist, _) = decide(&mut arbitration(algorithm, &[]), &all);
+            let (v, w) = (twist.linear_x_m_s, twist.angular_z_rad_s);
+            assert!((v - 0.25).abs() < 1e-12 && (w + 0.5).abs() < 1e-12, "{algorithm:?}: {twist:?}");
         }
     }
 
@@ -124,7 +163,7 @@ mod tests {
         let old = proposal(Axis::capped(0.0), Axis::exact(0.5));
         let forward = proposal(Axis::exact(0.25), Axis::NONE);
         let all = [("forward", 0.0, forward), ("old", 0.31, old)];
-        let (twist, state) = decide(&mut arbitration(Policy::Weighted, &[]), &all);
+        let (twist, state) = decide(&mut arbitration(Algorithm::Weighted, &[]), &all);
         assert_eq!(twist, Twist { linear_x_m_s: 0.25, ..Twist::default() });
         assert_eq!((state.proposals, state.stale), (1, 1));
     }
@@ -135,7 +174,7 @@ mod tests {
             ("forward", 0.0, proposal(Axis::exact(0.25), Axis::NONE)),
             ("watch", 0.0, proposal(Axis::capped(0.1), Axis::exact(0.7))),
         ];
-        let (twist, state) = decide(&mut arbitration(Policy::Weighted, &[("watch", 0.0)]), &all);
+        let (twist, state) = decide(&mut arbitration(Algorithm::Weighted, &[("watch", 0.0)]), &all);
         assert_eq!(twist, Twist { linear_x_m_s: 0.1, ..Twist::default() });
         assert_eq!(state.capped, 1);
     }
@@ -153,19 +192,18 @@ mod tests {
     proptest! {
         #[test]
         fn caps_are_never_exceeded_and_no_output_is_ever_no_number(
-            axes in prop::collection::vec((any_axis(), any_axis(), any_number()), 0..8), weighted in any::<bool>(),
+            axes in prop::collection::vec((any_axis(), any_axis(), any_number()), 0..8), algorithm in 0..5usize, near in any::<bool>(),
         ) {
-            let policy = if weighted { Policy::Weighted } else { Policy::Priority };
-            let mut arbitration = arbitration(policy, &[]);
+            let mut arbitration = arbitration(ALL[algorithm], &[]);
             arbitration.begin();
             let (mut positive, mut negative) = (0.3_f64, 0.1_f64);
             for (forward, turn, urgency) in &axes {
                 let proposal = Proposal { urgency: *urgency, ..proposal(*forward, *turn) };
-                arbitration.hear("some", 0.0, &proposal);
+                arbitration.hear(if *urgency > 0.0 { "avoid" } else { "some" }, 0.0, &proposal);
                 positive = positive.min(if forward.cap_positive >= 0.0 { forward.cap_positive } else { 0.0 });
                 negative = negative.min(if forward.cap_negative >= 0.0 { forward.cap_negative } else { 0.0 });
             }
-            let (twist, _) = arbitration.decide();
+            let (twist, _) = arbitration.decide(near);
             prop_assert!(twist.linear_x_m_s <= positive && twist.linear_x_m_s >= -negative);
             prop_assert!(twist.angular_z_rad_s.abs() <= 0.8);
             prop_assert_eq!(twist.linear_y_m_s, 0.0);

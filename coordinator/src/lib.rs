@@ -2,8 +2,14 @@
 
 pub mod arbiter;
 pub mod arbitration;
+pub mod fuzzy;
+pub mod minimum;
+pub mod mode;
 pub mod opinion;
 pub mod priority;
+pub mod priority_with_veto;
+pub mod round;
+pub mod switch_80cm;
 pub mod weighted;
 
 use runtime::NodeType;

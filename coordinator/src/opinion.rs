@@ -11,9 +11,13 @@ pub struct Opinion {
     pub weight: f64,
     /// How pressing it is: 0 idle … 1 must.
     pub urgency: f64,
+    /// Number of the proposal in this round; the opinions of one proposal share it.
+    pub action: usize,
+    /// Whether its action takes over near obstacles.
+    pub takes_over: bool,
 }
 
-/// What a policy made of all opinions on one axis.
+/// What an algorithm made of all opinions on one axis.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Decision {
     /// Velocity [m/s or rad/s].
@@ -34,7 +38,7 @@ impl Opinion {
             _ => return None,
         };
         let counts = value.is_finite() && weight > 0.0 && weight.is_finite() && urgency > 0.0;
-        counts.then_some(Opinion { value, weight, urgency: urgency.min(1.0) })
+        counts.then_some(Opinion { value, weight, urgency: urgency.min(1.0), action: 0, takes_over: false })
     }
 
     /// Whether it must be obeyed: on its axis, proposals that merely wish do not count beside it.
@@ -58,6 +62,9 @@ pub struct Caps {
 }
 
 impl Caps {
+    /// No cap at all.
+    pub const FREE: Caps = Caps { positive: f64::INFINITY, negative: f64::INFINITY };
+
     /// No cap but `positive` and `negative`, the mode's own.
     pub fn new(positive: f64, negative: f64) -> Caps {
         Caps { positive, negative }
@@ -68,6 +75,11 @@ impl Caps {
     pub fn tighten(&mut self, axis: &Axis) {
         self.positive = self.positive.min(usable(axis.cap_positive));
         self.negative = self.negative.min(usable(axis.cap_negative));
+    }
+
+    /// The tighter of two.
+    pub fn and(&self, other: &Caps) -> Caps {
+        Caps { positive: self.positive.min(other.positive), negative: self.negative.min(other.negative) }
     }
 
     /// `value` within the caps.

@@ -348,8 +348,14 @@ fn a_silent_robot_stays_silent_while_its_port_is_opened_anew() {
         assert_eq!(bench.session.link(), Link::Silent, "{port:?}");
     }
     bench.run_until("demand", |bench| bench.demands.iter().filter(|d| **d == Demand::Reopen).count() == 2);
-    for (port, link) in [(Port::Opening, Link::Silent), (Port::Closed, Link::NoPort), (Port::Opening, Link::Connecting)]
-    {
+    // A further try at a port that is not there changes nothing until it is open.
+    let rest = [
+        (Port::Opening, Link::Silent),
+        (Port::Closed, Link::NoPort),
+        (Port::Opening, Link::NoPort),
+        (Port::Open(3), Link::Connecting),
+    ];
+    for (port, link) in rest {
         bench.session.port(bench.now, port);
         assert_eq!(bench.session.link(), link, "{port:?}");
     }

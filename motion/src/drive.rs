@@ -1,17 +1,20 @@
 //! Wanted velocity to the command for the wheels, within the body's limits and the room that it has.
 //!
 //! Reads `velocity` (what the coordinator wants), `ranges` (a set: every ranger that watches over the body), `fallback`
-//! (optional: a ranger that is asked while the whole set is silent), `base` (bumpers, stalls, readiness) and `odometry`
-//! (optional: to carry what was seen to now). Writes `command` and `state`.
+//! (optional: a ranger that is asked while the whole set is silent), `base` (bumpers, stalls, readiness), `odometry`
+//! (optional: to carry what was seen to now) and `tracks` (optional: what moves). Writes `command`, `wheels` and `state`.
 //!
-//! In this order: nothing or a stale velocity is zero; greatest speeds; barred directions after a bump or a stall; the
-//! blind cap where no ranger looks; the stop zone along the swept footprint ([`crate::zone`]); ramps. Whatever is
-//! missing makes the result slower, never faster.
+//! In this order: nothing or a stale velocity is zero; greatest speeds, of the body and of its wheels
+//! ([`crate::kinematics`]); barred directions after a bump or a stall; the blind cap where no ranger looks; time to
+//! collision with what moves ([`crate::guard_zone`]); the stop zone along the swept footprint ([`crate::zone`]); ramps, where
+//! the robot file says so without jerks ([`crate::profile`]). Whatever is missing makes the result slower, never faster.
 
 use crate::footprint::Velocity;
+use crate::guard_zone::{GuardZoneConfig, MOVERS, Mover, take_movers};
+use crate::kinematics::Kinematics;
 use crate::obstacles::Obstacles;
 use crate::safe_motion::{SafeMotion, Surroundings};
-use messages::{BaseState, Command, MotionState, Odometry, Ranges, Twist};
+use messages::{BaseState, Command, MotionState, Odometry, Ranges, Tracks, Twist, WheelVelocities};
 use runtime::{Fault, Layer, Node, OpenError, Ports, Reader, Set, Time, Writer};
 use schemars::JsonSchema;
 use serde::Deserialize;
@@ -52,6 +55,14 @@ pub struct DriveConfig {
     pub command_valid_s: f64,
     /// Whether motor power is wanted.
     pub enable_motors: bool,
+    /// The wheels, where their speeds are to be kept within bounds and told.
+    pub kinematics: Option<Kinematics>,
+    /// Greatest change of the acceleration where nothing forces a stop; unbounded when left out [m/s³].
+    pub max_jerk_m_s3: Option<f64>,
+    /// Greatest change of the turn acceleration, likewise [rad/s³].
+    pub max_turn_jerk_rad_s3: Option<f64>,
+    /// How much time things that move are given.
+    pub guard_zone: GuardZoneConfig,
     /// Obstacles farther away than this are left out [m].
     pub horizon_m: f64,
     /// Most points of obstacles.
@@ -77,6 +88,10 @@ impl Default for DriveConfig {
             release_by_itself: true,
             command_valid_s: 0.3,
             enable_motors: true,
+            kinematics: None,
+            max_jerk_m_s3: None,
+            max_turn_jerk_rad_s3: None,
+            guard_zone: GuardZoneConfig::default(),
             horizon_m: 1.5,
             capacity: 512,
         }
@@ -90,7 +105,10 @@ pub struct Drive {
     fallback: Reader<Ranges>,
     base: Reader<BaseState>,
     odometry: Reader<Odometry>,
+    tracks: Reader<Tracks>,
+    movers: Vec<Mover>,
     command: Writer<Command>,
+    wheels: Writer<WheelVelocities>,
     state: Writer<MotionState>,
     obstacles: Obstacles,
     /// Tells whether the set of ranges is another than at the last step.
@@ -114,7 +132,10 @@ impl Node for Drive {
             fallback: ports.optional_reader("fallback")?,
             base: ports.reader("base")?,
             odometry: ports.optional_reader("odometry")?,
+            tracks: ports.optional_reader("tracks")?,
+            movers: Vec::with_capacity(MOVERS),
             command: ports.writer("command")?,
+            wheels: ports.writer("wheels")?,
             state: ports.writer("state")?,
             obstacles: Obstacles::new(config.capacity, config.horizon_m),
             fingerprint: Fingerprint::default(),
@@ -133,7 +154,11 @@ impl Node for Drive {
         let measured = measured.filter(|v| v.is_finite()).unwrap_or(self.safe.sent());
         let base = self.base.fresh(now).map(|base| *base.message);
         let (points, seen) = self.obstacles.carried(now, measured, self.ranges.max_age_s());
-        let surroundings = Surroundings { points, seen };
+        self.movers.clear();
+        if let Some(tracks) = self.tracks.fresh(now) {
+            take_movers(&mut self.movers, tracks.tail, now.since(tracks.stamp), measured);
+        }
+        let surroundings = Surroundings { points, seen, movers: &self.movers };
         let state = self.safe.decide(now, dt_s, wanted, base.as_ref(), &surroundings);
         let command = Command {
             velocity: state.sent,
@@ -141,6 +166,9 @@ impl Node for Drive {
             enable: u64::from(self.config.enable_motors),
         };
         self.command.write(now, &command);
+        if let Some(kinematics) = &self.config.kinematics {
+            self.wheels.write(now, &kinematics.wheels(velocity_of(&state.sent)));
+        }
         self.state.write(now, &state);
         Ok(())
     }
@@ -214,6 +242,16 @@ fn check(config: &DriveConfig) -> Result<(), String> {
             return Err(format!("{key} = {value} must be a number, zero or greater"));
         }
     }
+    for (key, value) in [("max_jerk_m_s3", c.max_jerk_m_s3), ("max_turn_jerk_rad_s3", c.max_turn_jerk_rad_s3)] {
+        if value.is_some_and(|value| !(value > 0.0 && value.is_finite())) {
+            return Err(format!(
+                "{key} = {} must be a number above 0; leave it out for no bound",
+                value.unwrap_or(0.0)
+            ));
+        }
+    }
+    c.kinematics.map_or(Ok(()), |kinematics| kinematics.check())?;
+    c.guard_zone.check()?;
     if c.command_valid_s == 0.0 {
         return Err("command_valid_s = 0 would make every command stale at once; write 0.3 or so".into());
     }

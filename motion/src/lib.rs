@@ -2,7 +2,10 @@
 
 pub mod drive;
 pub mod footprint;
+pub mod guard_zone;
+pub mod kinematics;
 pub mod obstacles;
+pub mod profile;
 pub mod protection;
 pub mod ramp;
 pub mod safe_motion;

@@ -2,7 +2,9 @@
 
 use crate::drive::DriveConfig;
 use crate::footprint::{Footprint, Point, Velocity};
+use crate::guard_zone::{GuardZone, Mover};
 use crate::obstacles::Seen;
+use crate::profile::{AxisLimits, Profile};
 use crate::protection::{Protection, Release};
 use crate::ramp::Limits;
 use crate::zone::{Braking, Zone};
@@ -16,13 +18,17 @@ pub struct Surroundings<'a> {
     pub points: &'a [Point],
     /// Where the rangers look, and since when.
     pub seen: Seen,
+    /// What moves, in the body frame.
+    pub movers: &'a [Mover],
 }
 
 /// Limits and protection, and what they remember from step to step.
 #[derive(Debug, Clone)]
 pub struct SafeMotion {
     zone: Zone,
+    guard: GuardZone,
     limits: Limits,
+    profiles: [Profile; 2],
     blind_cap_m_s: f64,
     config: DriveConfig,
     protection: Protection,
@@ -34,9 +40,17 @@ pub struct SafeMotion {
 impl SafeMotion {
     /// A body at rest.
     pub fn new(body: &Body, config: &DriveConfig) -> SafeMotion {
+        let footprint = Footprint::of(body, config.cut_corners_m);
         SafeMotion {
+            guard: GuardZone {
+                config: config.guard_zone,
+                radius_m: footprint.corner_radius_m(),
+                delay_s: config.sense_s + config.react_s,
+                deceleration_m_s2: body.deceleration_m_s2,
+            },
+            profiles: [Profile::default(); 2],
             zone: Zone {
-                footprint: Footprint::of(body, config.cut_corners_m),
+                footprint,
                 braking: Braking {
                     delay_s: config.sense_s + config.react_s,
                     deceleration_m_s2: body.deceleration_m_s2,
@@ -88,15 +102,21 @@ impl SafeMotion {
             self.protection.update(now, base, self.sent, asked, release);
         }
         let clamped = self.limits.clamp(asked);
+        let clamped = self.config.kinematics.map_or(clamped, |kinematics| kinematics.within(clamped));
         let (open, protected) = self.protection.hold(clamped, self.config.way_out_m_s);
         let seeing = self.cap_blind(open, around.seen);
-        let allowed = self.zone.allow(around.points, seeing);
+        let timely = self.guard.allow(around.movers, seeing);
+        let mut allowed = self.zone.allow(around.points, timely);
+        allowed.held |= timely != seeing;
         let ready = base.is_some_and(is_ready);
         let target = if ready { allowed.velocity } else { Velocity::ZERO };
         // What the ramps make of it is another arc than the one that was judged: it is judged, too.
-        let ramped = self.limits.ramp(self.sent, target, dt_s);
+        let forced = !ready || protected.is_some() || wanted.is_none() || allowed.held || seeing != open;
+        let ramped = if forced { self.limits.ramp(self.sent, target, dt_s) } else { self.smooth(target, dt_s) };
         let kept = self.zone.allow(around.points, ramped);
+        let before = self.sent;
         self.sent = if kept.held { self.limits.ramp(self.sent, kept.velocity, dt_s) } else { ramped };
+        self.remember(before, dt_s);
         let stop = match protected {
             _ if !ready => Stop::Base,
             Some(cause) => cause,
@@ -119,6 +139,35 @@ impl SafeMotion {
             stop: stop as u32,
             stops: self.stops,
         }
+    }
+
+    /// The velocity after `dt_s` towards `target`: without jerks where they are bounded.
+    fn smooth(&self, target: Velocity, dt_s: f64) -> Velocity {
+        let ramped = self.limits.ramp(self.sent, target, dt_s);
+        let turn = self.limits.turn_acceleration_rad_s2;
+        let along = |profile: &Profile, wanted: f64, up: f64, down: f64, jerk: Option<f64>, plain: f64| {
+            jerk.map_or(plain, |jerk| profile.towards(wanted, &AxisLimits { up, down, jerk }, dt_s).speed)
+        };
+        let [forward, turning] = &self.profiles;
+        let (up, down) = (self.limits.acceleration_m_s2, self.limits.deceleration_m_s2);
+        Velocity {
+            forward_m_s: along(forward, target.forward_m_s, up, down, self.config.max_jerk_m_s3, ramped.forward_m_s),
+            turn_rad_s: along(
+                turning,
+                target.turn_rad_s,
+                turn,
+                turn,
+                self.config.max_turn_jerk_rad_s3,
+                ramped.turn_rad_s,
+            ),
+        }
+    }
+
+    /// Takes the accelerations of what was sent over into the profiles.
+    fn remember(&mut self, before: Velocity, dt_s: f64) {
+        let forced = |before: f64, speed: f64| Profile { speed: before, acceleration: 0.0 }.forced(speed, dt_s);
+        self.profiles =
+            [forced(before.forward_m_s, self.sent.forward_m_s), forced(before.turn_rad_s, self.sent.turn_rad_s)];
     }
 
     /// Holds the speed down where no ranger looks, and the turn where none sees anything at all.
@@ -179,7 +228,7 @@ mod tests {
     /// The state after wanting the same for two seconds.
     fn settled(wanted: Option<Velocity>, base: &BaseState, points: &[Point], seen: Seen) -> MotionState {
         let mut safe = safe();
-        let around = Surroundings { points, seen };
+        let around = Surroundings { points, seen, movers: &[] };
         let mut state = MotionState::default();
         for step in 0..40 {
             state = safe.decide(Time::from_seconds(STEP_S * f64::from(step)), STEP_S, wanted, Some(base), &around);
@@ -200,7 +249,7 @@ mod tests {
     #[test]
     fn a_stale_velocity_ramps_to_zero_within_the_deceleration() {
         let mut safe = safe();
-        let around = Surroundings { points: &[], seen: everywhere() };
+        let around = Surroundings { points: &[], seen: everywhere(), movers: &[] };
         for step in 0..40 {
             safe.decide(Time::from_seconds(STEP_S * f64::from(step)), STEP_S, FORWARD, Some(&ready()), &around);
         }
@@ -267,7 +316,7 @@ mod tests {
             let body = Body::default();
             let points: Vec<Point> = points.into_iter().map(|(x_m, y_m)| Point { x_m, y_m }).collect();
             let seen = Seen { ahead_s, ..everywhere() };
-            let around = Surroundings { points: &points, seen };
+            let around = Surroundings { points: &points, seen, movers: &[] };
             let base = BaseState { front_bumpers: bumpers, ..ready() };
             let mut before = Velocity::ZERO;
             for (step, (v, w)) in wanted.into_iter().enumerate() {

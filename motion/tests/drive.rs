@@ -1,7 +1,10 @@
 //! The node `drive` on a bench: what comes in, what goes out.
 #![allow(clippy::unwrap_used, reason = "tests")]
 
-use messages::{BaseState, Beam, Command, Echo, Link, MotionState, Odometry, Ranges, Stop, Twist};
+use messages::{
+    BaseState, Beam, Command, Echo, Link, MotionState, Odometry, Ranges, Stop, Track, TrackMotion, TrackState, Tracks,
+    Twist, WheelVelocities,
+};
 use motion::drive::Drive;
 use runtime::{Bench, OpenError, Time};
 
@@ -169,4 +172,63 @@ fn a_setting_that_makes_no_sense_is_refused_with_its_name() {
             other => panic!("{name} was accepted: {:?}", other.map(|_| ())),
         }
     }
+}
+
+#[test]
+fn a_jerk_limit_makes_the_start_soft_and_a_stop_for_an_obstacle_as_hard_as_ever() {
+    let mut rig = Rig::new("max_jerk_m_s3 = 0.5");
+    let mut speeds = Vec::new();
+    for _ in 0..40 {
+        rig.base();
+        rig.velocity(0.25);
+        rig.ranges(4.0);
+        speeds.push(rig.step().0.velocity.linear_x_m_s);
+    }
+    let gains: Vec<f64> = speeds.windows(2).map(|pair| (pair[1] - pair[0]) / 0.05).collect();
+    // The last of the acceleration is dropped on arrival: two steps' worth of jerk.
+    assert!(gains.windows(2).all(|pair| (pair[1] - pair[0]).abs() <= 2.0 * 0.5 * 0.05 + 1e-9), "{gains:?}");
+    assert_eq!(speeds.last(), Some(&0.25));
+    rig.base();
+    rig.velocity(0.25);
+    rig.ranges(0.22);
+    let braking = rig.step().0.velocity.linear_x_m_s;
+    assert!((0.25 - braking) / 0.05 > 0.29, "the whole deceleration at once: {braking}");
+}
+
+#[test]
+fn the_wheels_are_told_and_kept_within_what_they_can() {
+    let config = "kinematics = { drive = \"differential\", wheel_distance_m = 0.4, max_wheel_m_s = 0.15 }";
+    let mut rig = Rig::new(config);
+    let (command, _) = rig.drive(4.0);
+    assert!((command.velocity.linear_x_m_s - 0.15).abs() < 1e-9);
+    let (_, wheels, _) = rig.bench.read::<WheelVelocities>("wheels").unwrap();
+    assert!((wheels.left_m_s - 0.15).abs() < 1e-9 && (wheels.right_m_s - 0.15).abs() < 1e-9);
+    let wrong = "kinematics = { drive = \"synchro\", max_wheel_m_s = 0.0, max_steer_rad_s = 1.0 }";
+    assert!(matches!(Bench::<Drive>::builder(wrong).build(), Err(OpenError::Config { .. })));
+}
+
+#[test]
+fn it_slows_for_somebody_who_walks_towards_it_before_any_ranger_would() {
+    let mut rig = Rig::new("");
+    let walker = Track {
+        state: TrackState::Confirmed as u32,
+        motion: TrackMotion::Moving as u32,
+        x_m: 1.6,
+        velocity_x_m_s: -1.0,
+        ..Track::default()
+    };
+    rig.drive(4.0);
+    rig.bench.feed("tracks", at(rig.now_s), &Tracks::default(), &[walker]);
+    let (command, state) = rig.drive(4.0);
+    assert_eq!(command.velocity.linear_x_m_s, 0.25, "the track is old by now");
+    assert_eq!(state.stop, Stop::None as u32);
+    for _ in 0..20 {
+        rig.base();
+        rig.velocity(0.25);
+        rig.ranges(4.0);
+        rig.bench.feed("tracks", at(rig.now_s), &Tracks::default(), &[walker]);
+        rig.step();
+    }
+    let (command, state) = rig.step();
+    assert_eq!((command.velocity.linear_x_m_s, state.stop), (0.0, Stop::Zone as u32));
 }

@@ -46,6 +46,8 @@ pub struct Track {
     pose: Pose,
     covariance: [[f64; 3]; 3],
     last: Option<Seen>,
+    /// Times that the frame was moved by [`Track::move_to`].
+    origin: u64,
 }
 
 /// The sample before, in the device's frame, and what tells whether that frame is still the same.
@@ -56,6 +58,24 @@ struct Seen {
 }
 
 impl Track {
+    /// A track that begins at a pose [m, rad].
+    pub fn beginning_at(x_m: f64, y_m: f64, heading_rad: f64) -> Track {
+        let pose = Pose { x_m, y_m, heading_rad: math::wrap_angle(heading_rad) };
+        Track { pose, ..Track::default() }
+    }
+
+    /// Moves the frame so that the body's pose in it is this one [m, rad], and forgets how uncertain the old one was.
+    /// The new count of origins; `None`, and nothing changes, when a number is none.
+    pub fn move_to(&mut self, x_m: f64, y_m: f64, heading_rad: f64) -> Option<u64> {
+        if !(x_m.is_finite() && y_m.is_finite() && heading_rad.is_finite()) {
+            return None;
+        }
+        self.pose = Pose { x_m, y_m, heading_rad: math::wrap_angle(heading_rad) };
+        self.covariance = [[0.0; 3]; 3];
+        self.origin += 1;
+        Some(self.origin)
+    }
+
     /// Takes in one sample of writer generation `generation`; `None` when it holds a number that is none.
     ///
     /// After the origin moved, or the writer restarted, the first sample only says where the new frame lies: what the
@@ -80,7 +100,7 @@ impl Track {
             velocity,
             pose_covariance: [p[0][0], p[0][1], p[0][2], p[1][0], p[1][1], p[1][2], p[2][0], p[2][1], p[2][2]],
             velocity_covariance: raw.velocity_covariance.map(math::canonical),
-            origin: 0,
+            origin: self.origin,
         })
     }
 

@@ -1,8 +1,9 @@
 //! The nodes `odometry` and `echoes` on a bench.
 #![allow(clippy::unwrap_used, reason = "tests")]
 
-use messages::{Beam, Echo, Odometry, Ranges, Twist};
+use messages::{Beam, Echo, Odometry, Ranges, SetPose, Twist};
 use perception::echoes::Echoes;
+use runtime::calls::TicketState;
 use runtime::{Bench, OpenError, Time};
 
 fn at(s: f64) -> Time {
@@ -128,4 +129,27 @@ fn a_setting_that_makes_no_sense_is_refused_with_its_name() {
         Err(OpenError::Config { reason }) => assert!(reason.contains("capacity"), "{reason}"),
         other => panic!("it was accepted: {:?}", other.map(|_| ())),
     }
+}
+
+#[test]
+fn the_map_frame_begins_at_the_start_pose_and_is_moved_by_call_alone() {
+    let mut bench =
+        Bench::<perception::odometry::Odometry>::builder("start = { x_m = 2.0, y_m = 1.0, heading_deg = 90.0 }")
+            .build()
+            .unwrap();
+    bench.feed("odometry", at(0.9), &pose(9.0, 0.0, 0.0, 0), &[]);
+    bench.step(at(0.9)).unwrap();
+    bench.feed("odometry", at(1.0), &pose(5.0, 0.0, 0.0, 0), &[]);
+    bench.feed("odometry", at(1.1), &pose(5.5, 0.0, 0.0, 0), &[]);
+    bench.step(at(1.1)).unwrap();
+    let (_, out, _) = bench.read::<Odometry>("pose").unwrap();
+    assert!((out.x_m - 2.0).abs() < 1e-9 && (out.y_m - 1.5).abs() < 1e-9 && out.origin == 0, "{out:?}");
+    bench.call("set_pose", &SetPose { x_m: 7.0, y_m: -1.0, heading_rad: 0.0 });
+    bench.feed("odometry", at(1.2), &pose(6.0, 0.0, 0.0, 0), &[]);
+    bench.step(at(1.2)).unwrap();
+    let (_, out, _) = bench.read::<Odometry>("pose").unwrap();
+    assert!((out.x_m - 7.5).abs() < 1e-9 && (out.y_m + 1.0).abs() < 1e-9 && out.origin == 1, "{out:?}");
+    let ticket = bench.call("set_pose", &SetPose { x_m: f64::NAN, ..SetPose::default() });
+    bench.step(at(1.3)).unwrap();
+    assert!(matches!(bench.call_state(ticket), TicketState::Refused(r) if r.reason.contains("no number")));
 }

@@ -208,8 +208,10 @@ impl Guide {
                 break;
             }
             let probe = self.cell_m;
-            let gx = self.cost(here.plus(Point::new(1.0, 0.0), probe)) - self.cost(here.plus(Point::new(-1.0, 0.0), probe));
-            let gy = self.cost(here.plus(Point::new(0.0, 1.0), probe)) - self.cost(here.plus(Point::new(0.0, -1.0), probe));
+            let gx =
+                self.cost(here.plus(Point::new(1.0, 0.0), probe)) - self.cost(here.plus(Point::new(-1.0, 0.0), probe));
+            let gy =
+                self.cost(here.plus(Point::new(0.0, 1.0), probe)) - self.cost(here.plus(Point::new(0.0, -1.0), probe));
             let slope = (gx * gx + gy * gy).sqrt();
             if slope < 1e-9 {
                 break;
@@ -285,8 +287,12 @@ mod tests {
     fn a_robot_walled_in_is_led_through_the_thinnest_part_rather_than_nowhere() {
         let corner = |x, y| Point::new(x, y);
         let mut points: Vec<Point> = Vec::new();
-        for (a, b) in [((-1.0, -1.0), (1.0, -1.0)), ((1.0, -1.0), (1.0, 1.0)), ((1.0, 1.0), (-1.0, 1.0)), ((-1.0, 1.0), (-1.0, -1.0))]
-        {
+        for (a, b) in [
+            ((-1.0, -1.0), (1.0, -1.0)),
+            ((1.0, -1.0), (1.0, 1.0)),
+            ((1.0, 1.0), (-1.0, 1.0)),
+            ((-1.0, 1.0), (-1.0, -1.0)),
+        ] {
             points.extend(wall(corner(a.0, a.1), corner(b.0, b.1)));
         }
         let guide = guide(&points, Point::new(3.0, 0.0), Point::default());

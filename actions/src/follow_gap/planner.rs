@@ -35,8 +35,6 @@ pub struct Setup {
     pub delay_s: f64,
     /// Time from one wanted velocity to the next [s].
     pub period_s: f64,
-    /// The goal counts as reached within this [m].
-    pub tolerance_m: f64,
     /// Room between outline and obstacle when the robot has come to rest along the arc that is wanted [m].
     pub stop_margin_m: f64,
     /// Time in which nothing slows yet, for the same [s].
@@ -62,6 +60,8 @@ pub struct Sight<'a> {
     pub movers: &'a [Mover],
     /// Where to go.
     pub goal: Point,
+    /// The goal counts as reached within this [m].
+    pub tolerance_m: f64,
     /// Time since the planner's beginning [s].
     pub time_s: f64,
 }
@@ -101,6 +101,42 @@ const MOVERS_OWN_M: f64 = 0.15;
 /// The wanted velocity is the plan's so much later, so that ramps below have something to ramp to [s].
 const LEAD_S: f64 = 0.1;
 
+/// Within this of one place for [`STANDS_S`] the robot counts as stuck [m].
+const STANDS_M: f64 = 0.15;
+/// See [`STANDS_M`] [s].
+const STANDS_S: f64 = 1.0;
+/// By so much more room does a stuck robot ask the guide for, each time, and at most [m].
+const WIDER_M: f64 = 0.03;
+const WIDEST_M: f64 = 0.12;
+/// Where it got stuck counts as left behind from here on [m].
+const LEFT_M: f64 = 2.5;
+
+/// Notices that the guide leads where the footprint does not pass, and asks for wider ways until that place is behind.
+#[derive(Debug, Clone, Copy, Default)]
+struct Patience {
+    /// Where, and since when [s].
+    stands: Option<(Point, f64)>,
+    stuck_at: Point,
+    wider_m: f64,
+}
+
+impl Patience {
+    fn wider_m(&mut self, time_s: f64, place: Point) -> f64 {
+        let (at, since_s) = *self.stands.get_or_insert((place, time_s));
+        if place.to(at).length_m() > STANDS_M {
+            self.stands = Some((place, time_s));
+        } else if time_s - since_s > STANDS_S {
+            self.stands = Some((at, time_s));
+            self.stuck_at = place;
+            self.wider_m = (self.wider_m + WIDER_M).min(WIDEST_M);
+        }
+        if place.to(self.stuck_at).length_m() > LEFT_M {
+            self.wider_m = 0.0;
+        }
+        self.wider_m
+    }
+}
+
 /// The planner.
 #[derive(Debug)]
 pub struct Planner {
@@ -114,6 +150,7 @@ pub struct Planner {
     followers: Vec<Plan>,
     path: Vec<Point>,
     plan: Option<Plan>,
+    patience: Patience,
 }
 
 impl Planner {
@@ -129,6 +166,7 @@ impl Planner {
             followers: Vec::with_capacity(32),
             path: Vec::with_capacity(PATH_POINTS),
             plan: None,
+            patience: Patience::default(),
             setup,
         }
     }
@@ -138,6 +176,7 @@ impl Planner {
         self.memory.clear();
         self.points.clear();
         self.plan = None;
+        self.patience = Patience::default();
     }
 
     /// The guide's path of the last step, for pictures.
@@ -150,13 +189,18 @@ impl Planner {
         let setup = self.setup;
         self.take_scan(sight);
         let place = sight.pose.place;
-        if place.to(sight.goal).length_m() <= setup.tolerance_m {
+        if place.to(sight.goal).length_m() <= sight.tolerance_m {
             self.plan = None;
             return Wish { arrived: true, ..Wish::default() };
         }
         self.fine.rebuild(place, &self.points);
         self.coarse.rebuild(place, &self.points);
-        self.guide.rebuild(&self.coarse, &setup.price, sight.goal, place, BEYOND);
+        let mut price = setup.price;
+        if setup.memory_s > 0.0 {
+            price.blocked_m += self.patience.wider_m(sight.time_s, place);
+            price.free_m = price.free_m.max(price.blocked_m + 0.05);
+        }
+        self.guide.rebuild(&self.coarse, &price, sight.goal, place, BEYOND);
         let now = State { pose: sight.pose, forward_m_s: sight.velocity.0, turn_rad_s: sight.velocity.1 };
         // What was wanted before goes on until this step's wish reaches the wheels.
         let before = self.plan.filter(|_| setup.memory_s > 0.0);

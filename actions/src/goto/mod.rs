@@ -51,6 +51,7 @@ struct Mission {
 }
 
 /// Who ordered it.
+#[expect(clippy::large_enum_variant, reason = "there is one at a time, and a box would allocate in a step")]
 enum Ordered {
     Goal(Order<GotoGoal, GotoProgress, GotoResult>),
     Path(Order<GotoPath, GotoProgress, GotoResult>),

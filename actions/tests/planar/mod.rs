@@ -190,9 +190,10 @@ fn cast(course: &Course, discs: &[(Point, f64)], origin: Point, ux: f64, uy: f64
 fn touches(course: &Course, discs: &[(Point, f64)], pose: Pose) -> bool {
     let frame = pose.frame();
     course.cylinders.iter().chain(discs).any(|(centre, radius)| OUTLINE.gap_m(frame.inner(*centre)) <= *radius)
-        || course.walls.iter().any(|(a, b)| {
-            (0..=400).any(|k| OUTLINE.gap_m(frame.inner(a.plus(a.to(*b), f64::from(k) / 400.0))) <= 0.0)
-        })
+        || course
+            .walls
+            .iter()
+            .any(|(a, b)| (0..=400).any(|k| OUTLINE.gap_m(frame.inner(a.plus(a.to(*b), f64::from(k) / 400.0))) <= 0.0))
 }
 
 pub struct Trial {
@@ -216,7 +217,8 @@ pub fn run(course: &Course, setup: &Setup, trial: &Trial) -> Result {
     let mut line: VecDeque<(f64, f64)> = VecDeque::from(vec![(0.0, 0.0); delay]);
     let mut beams = vec![Beam::default(); BEAMS];
     let mut began: Option<f64> = None;
-    let mut out = Result { success: false, collided: false, time_s: 100.0, score: 0.0, track: Vec::new(), step_us: Vec::new() };
+    let mut out =
+        Result { success: false, collided: false, time_s: 100.0, score: 0.0, track: Vec::new(), step_us: Vec::new() };
     let mut time_s = 0.0;
     // The world's clock starts with the robot's; a quiet second at the start, as a handshake takes.
     while time_s < 130.0 {
@@ -261,6 +263,7 @@ pub fn run(course: &Course, setup: &Setup, trial: &Trial) -> Result {
             beams: &beams,
             movers: &movers,
             goal,
+            tolerance_m: 0.3,
             time_s,
         };
         let clock = std::time::Instant::now();

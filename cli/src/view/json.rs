@@ -1,7 +1,7 @@
 //! The state of a run for programs: an object a second, one for each incident, one at the end.
 
 use super::Seen;
-use super::line::stop_reason;
+use super::line::held;
 use super::news::News;
 use super::nodes::Nodes;
 use super::watch::Picture;
@@ -25,7 +25,7 @@ pub fn of_picture(picture: &Picture, nodes: &Nodes) -> Value {
         "clearance_m": picture.truth.map(|truth| truth.clearance_m),
         "contacts_caused": contacts.map(|c| c[0] + c[1]),
         "contacts_suffered": contacts.map(|c| c[2]),
-        "held": picture.motion.as_ref().and_then(stop_reason),
+        "held": held(picture),
         "nodes": nodes.rows.len(),
         "nodes_up": nodes.up(),
         "restarts": nodes.restarts(),

@@ -3,7 +3,7 @@
 use super::nodes::Nodes;
 use super::watch::Picture;
 use crate::output::metres_per_second;
-use messages::MotionState;
+use messages::{BaseState, MotionState, Stop};
 
 /// One line about the robot now.
 pub fn status(picture: &Picture, nodes: &Nodes) -> String {
@@ -24,8 +24,7 @@ pub fn status(picture: &Picture, nodes: &Nodes) -> String {
         0 => String::new(),
         restarts => format!("  restarts {restarts}"),
     };
-    let stop =
-        picture.motion.as_ref().and_then(stop_reason).map(|reason| format!("  held: {reason}")).unwrap_or_default();
+    let stop = held(picture).map(|reason| format!("  held: {reason}")).unwrap_or_default();
     format!(
         "{}  {pose}  {}  {battery}{contacts}  nodes {}/{}{restarts}{stop}",
         clock(picture.watched_s),
@@ -44,8 +43,28 @@ pub fn clock(seconds: f64) -> String {
     }
 }
 
-/// Why motion holds the body back, in words; `None` when it does not.
-pub fn stop_reason(motion: &MotionState) -> Option<&'static str> {
+/// Why motion holds the body back, in words, with what the base says for itself; `None` when it does not.
+pub fn held(picture: &Picture) -> Option<&'static str> {
+    let motion = picture.motion.as_ref()?;
+    let unready = picture.base.as_ref().filter(|_| motion.stop == Stop::Base as u32).and_then(unready);
+    unready.or_else(|| stop_reason(motion))
+}
+
+/// What a base lacks.
+fn unready(base: &BaseState) -> Option<&'static str> {
+    match base.link {
+        0 => Some("connecting to the base"),
+        2 => Some("the base's port cannot be opened; `sinew logs` says why"),
+        3 => Some("the base does not answer"),
+        4 => Some("the link to the base is lost"),
+        5 => Some("what answers is not the base"),
+        _ if base.stop_button != 0 => Some("the base's stop button is pressed"),
+        _ if base.motors_enabled == 0 => Some("the base's motors are off"),
+        _ => None,
+    }
+}
+
+fn stop_reason(motion: &MotionState) -> Option<&'static str> {
     match motion.stop {
         0 => None,
         1 => Some("no fresh velocity"),
@@ -62,7 +81,7 @@ pub fn stop_reason(motion: &MotionState) -> Option<&'static str> {
 mod tests {
     use super::super::nodes::tests::nodes;
     use super::*;
-    use messages::{BaseState, Truth, Twist};
+    use messages::{Link, Truth, Twist};
     use simulator::geometry::Pose;
 
     #[test]
@@ -86,6 +105,15 @@ mod tests {
             "  1:15  x   3.25  y  -1.50 m    90°   0.28 m/s  12.8 V  contacts 1+2  nodes 2/2  held: stop zone"
         );
         assert!(line.chars().count() < 100);
+    }
+
+    #[test]
+    fn a_base_that_cannot_be_reached_is_the_reason_that_is_shown() {
+        let no_port = BaseState { link: Link::NoPort as u32, ..BaseState::default() };
+        let motion = Some(MotionState { stop: Stop::Base as u32, ..MotionState::default() });
+        let picture = Picture { base: Some(no_port), motion, ..Picture::default() };
+        assert!(held(&picture).is_some_and(|reason| reason.contains("port")), "{:?}", held(&picture));
+        assert_eq!(held(&Picture { base: None, motion, ..Picture::default() }), Some("base not ready"));
     }
 
     #[test]

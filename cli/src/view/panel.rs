@@ -1,6 +1,6 @@
 //! The panel beside the map: how the robot is, how its nodes are, what the supervisor said.
 
-use super::line::stop_reason;
+use super::line::held;
 use super::nodes::{NodeRow, Nodes, State};
 use super::watch::Picture;
 use crate::output::{metres_per_second, span};
@@ -41,7 +41,7 @@ pub fn state(picture: &Picture) -> Vec<Line<'static>> {
     let mut lines =
         vec![row("speed", vec![Span::styled(metres_per_second(speed), BOLD), Span::raw(format!("  turn {turn} °/s"))])];
     lines.push(row("battery", battery(picture)));
-    let motion = match picture.motion.as_ref().map(stop_reason) {
+    let motion = match picture.motion.map(|_| held(picture)) {
         None => Span::styled("nothing heard of it", DIM),
         Some(None) => Span::styled("free", GOOD),
         Some(Some(reason)) => Span::styled(format!("held: {reason}"), WARN),

@@ -120,6 +120,8 @@ impl Core {
                 Link::NoPort
             }
             _ if self.is_reopening => self.link,
+            // Another try at a port that could not be opened: until it is open, it could not.
+            (Port::Closed, Port::Opening) if self.link == Link::NoPort => Link::NoPort,
             _ => Link::Connecting,
         };
     }

@@ -52,7 +52,8 @@ pub fn run(args: Args) -> Result<(), Failure> {
     out.flush()
 }
 
-fn failure(error: CallError) -> Failure {
+/// A call's error as the command's.
+pub fn failure(error: CallError) -> Failure {
     let code = match error {
         CallError::NodeNotRunning { .. } | CallError::Died { .. } => NOT_RUNNING,
         CallError::Unknown { .. } | CallError::Target(_) => USAGE,
