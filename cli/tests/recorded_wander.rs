@@ -35,13 +35,13 @@ fn simulated_runs_give_the_same_recording_on_one_thread_and_on_two_and_replay_to
     let robot = pioneer();
     let record = |jobs: usize| {
         let name = |seed: u64| folder.path().join(format!("{jobs}-{seed}.mcap"));
-        let runs = run_all(&robot, 11..14, 20.0, jobs, &|seed| Some(name(seed)), &|_| {}).unwrap();
+        let runs = run_all(&robot, 11..14, 20.0, None, jobs, &|seed| Some(name(seed)), &|_| {}).unwrap();
         let hashes: Vec<String> = runs.iter().map(|run| run.result.hash.clone()).collect();
         let files: Vec<PathBuf> = (11..14).map(name).collect();
         (hashes, files)
     };
     let (one, two) = (record(1), record(2));
-    let plain = run_all(&robot, 11..14, 20.0, 1, &|_| None, &|_| {}).unwrap();
+    let plain = run_all(&robot, 11..14, 20.0, None, 1, &|_| None, &|_| {}).unwrap();
     let plain: Vec<String> = plain.iter().map(|run| run.result.hash.clone()).collect();
     assert_eq!(one.0, plain, "recording changes nothing");
     for (file, other) in one.1.iter().zip(&two.1) {
@@ -57,7 +57,7 @@ fn simulated_runs_give_the_same_recording_on_one_thread_and_on_two_and_replay_to
 fn a_changed_setting_shows_in_the_node_that_has_it_and_in_no_other() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("run.mcap");
-    run_all(&pioneer(), 11..12, 20.0, 1, &|_| Some(file.clone()), &|_| {}).unwrap();
+    run_all(&pioneer(), 11..12, 20.0, None, 1, &|_| Some(file.clone()), &|_| {}).unwrap();
     let change = Override { key: "nodes.forward.config.speed_m_s".into(), value: "0.2".into() };
     let robot = Recording::open(&file).unwrap().facts().robot(&types()).unwrap();
     let changed = robot.with_overrides(&[change], &types()).unwrap();

@@ -456,7 +456,7 @@ fn a_robot_that_nobody_knows_is_called_foreign() {
 #[test]
 fn settings_out_of_bounds_are_refused_with_what_would_be_right() {
     for (config, expected) in [
-        ("model = \"p3at\"", "known: p3dx-sh, p3dx, auto"),
+        ("model = \"p3at\"", "known: p3dx-sh, p3dx, jackal, auto"),
         ("repeat_ms = 5000.0", "20 to 1000"),
         ("pulse_ms = nan", "50 to 1900"),
         ("hunt_bauds = [1200]", "9600"),
