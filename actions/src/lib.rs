@@ -18,6 +18,7 @@ pub const NODES: &[NodeType] = &[
     NodeType::of::<forward::Forward>(),
     NodeType::of::<steer_clear::SteerClear>(),
     NodeType::of::<goto::Goto>(),
+    NodeType::of::<follow_gap::FollowGap>(),
     NodeType::of::<avoid::Avoid>(),
     NodeType::of::<r#move::Move>(),
     NodeType::of::<emergency_stop::EmergencyStop>(),

@@ -18,6 +18,15 @@ pub const PIONEER: Embedded = &[
     ("worlds/corridor.toml", include_bytes!("../../robots/pioneer/worlds/corridor.toml")),
 ];
 
+/// Files of the robot that `sinew barn` drives: the Jackal.
+pub const JACKAL: Embedded = &[
+    ("robot.toml", include_bytes!("../../robots/jackal/robot.toml")),
+    ("worlds/field.toml", include_bytes!("../../robots/jackal/worlds/field.toml")),
+];
+
+/// How its file is called in messages.
+pub const JACKAL_FILE: &str = "robots/jackal/robot.toml (built in)";
+
 /// How the default robot's file is called in messages.
 pub const PIONEER_FILE: &str = "robots/pioneer/robot.toml (built in)";
 

@@ -31,7 +31,7 @@ impl Launch {
             text: robot.text.clone(),
             folder: match &robot.resources {
                 Resources::Folder(folder) => Some(folder.clone()),
-                Resources::Embedded(_) => None,
+                Resources::Embedded(_) | Resources::Held(_) => None,
             },
             seed,
             nodes: robot.nodes.iter().map(runtime::robot::NodeSpec::path).collect(),

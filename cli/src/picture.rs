@@ -21,6 +21,11 @@ pub fn of_run(robot: &Robot, run: &Run) -> Result<String, Failure> {
     draw(robot, &format!("{}, seed {}", robot.name, result.seed), &run.track, run.moment.as_ref(), &facts)
 }
 
+/// The picture of a run through one of BARN's worlds.
+pub fn of_crossing(robot: &Robot, title: &str, track: &[TrackPoint]) -> Result<String, Failure> {
+    draw(robot, title, track, None, &facts(track))
+}
+
 /// The picture of a live run.
 pub fn of_track(robot: &Robot, track: &[TrackPoint]) -> Result<String, Failure> {
     draw(robot, &robot.name, track, None, &facts(track))

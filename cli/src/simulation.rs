@@ -1,10 +1,12 @@
 //! Runs of a whole robot in the simulated host: one run per seed, spread over the cores, results in order of seeds.
 
+use crate::exit::Failure;
 use messages::{Beam, FreeSectors, Message, Ranges, Truth, bytemuck};
 use runtime::channel::{Expect, RawReader, SampleBuffer};
 use runtime::robot::Robot;
 use runtime::{Layer, OpenError, SimulatedHost, Time, clock};
 use serde::Serialize;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// What became of one run, or of all together.
@@ -67,32 +69,74 @@ pub struct Moment {
 const MOVING_M_S: f64 = 0.01;
 /// The run goes in slices of this length, after each of which the samples are collected [s].
 const SLICE_S: f64 = 0.25;
+/// Looks per slice of a recorded run: no ring may overflow between two.
+const RECORDED_LOOKS: u32 = 5;
 /// Every so manieth truth becomes a point of the track.
 const TRACK_EVERY: u64 = 10;
 
 /// One run of `robot` for `seconds` from `seed`.
 pub fn run(robot: &Robot, seed: u64, seconds: f64) -> Result<Run, OpenError> {
+    run_slices(robot, seed, seconds, 1, &mut |_| {})
+}
+
+/// The same, recorded to `file`: every step of every node can be replayed from it.
+pub fn run_recorded(robot: &Robot, seed: u64, seconds: f64, file: &Path) -> Result<Run, Failure> {
+    let mut robot = robot.clone();
+    robot.nodes.iter_mut().for_each(|node| node.record_inputs = true);
+    let mut facts = recorder::Facts::of(&robot, seed, "simulated");
+    facts.build = recorder::facts::build_id();
+    let mut out = recorder::RecordingWriter::create(file, &facts)?;
+    let mut taps: Option<recorder::Taps> = None;
+    let mut done = Ok(());
+    let run = run_slices(&robot, seed, seconds, RECORDED_LOOKS, &mut |host| {
+        let first = taps.is_none();
+        let taps = taps.get_or_insert_with(|| recorder::Taps::new(host.tree().clone(), Vec::new()));
+        if done.is_ok() {
+            done = if first { taps.look_around(&mut out) } else { Ok(()) }.and_then(|()| taps.drain(&mut out));
+        }
+    })?;
+    done?;
+    out.losses(&taps.map(|taps| taps.losses()).unwrap_or_default())?;
+    out.finish()?;
+    Ok(run)
+}
+
+/// One run, with a look at the host after its start, `looks` times in every slice, and after its stop.
+fn run_slices(
+    robot: &Robot,
+    seed: u64,
+    seconds: f64,
+    looks: u32,
+    look: &mut dyn FnMut(&SimulatedHost),
+) -> Result<Run, OpenError> {
     let started = clock::now();
     let mut host = SimulatedHost::new(robot, seed, Time::ZERO)?;
     let mut watch = Watch::new(&host);
     let end = Time::from_seconds(seconds);
+    look(&host);
     while host.now() < end {
-        host.run_until(host.now().after_s(SLICE_S).min(end));
+        let begin = host.now();
+        for part in 1..=looks {
+            host.run_until(begin.after_s(SLICE_S * f64::from(part) / f64::from(looks)).min(end));
+            look(&host);
+        }
         watch.collect();
     }
     host.stop();
+    look(&host);
     let spent_s = clock::now().since(started).max(1e-9);
     Ok(watch.finish(seed, seconds, spent_s))
 }
 
-/// Runs for every seed of `seeds` on `jobs` threads; `done` is called after each with the number finished so far.
+/// Runs for every seed of `seeds` on `jobs` threads, recorded where `record` names a file; `done` is called after each with the number finished so far.
 pub fn run_all(
     robot: &Robot,
     seeds: std::ops::Range<u64>,
     seconds: f64,
     jobs: usize,
+    record: &(dyn Fn(u64) -> Option<PathBuf> + Sync),
     done: &(dyn Fn(usize) + Sync),
-) -> Result<Vec<Run>, OpenError> {
+) -> Result<Vec<Run>, Failure> {
     let count = usize::try_from(seeds.end.saturating_sub(seeds.start)).unwrap_or(usize::MAX);
     let next = AtomicUsize::new(0);
     let finished = AtomicUsize::new(0);
@@ -103,11 +147,16 @@ pub fn run_all(
             if index >= count {
                 return runs;
             }
-            runs.push((index, run(robot, seeds.start + index as u64, seconds)));
+            let seed = seeds.start + index as u64;
+            let one = match record(seed) {
+                Some(file) => run_recorded(robot, seed, seconds, &file),
+                None => run(robot, seed, seconds).map_err(Failure::from),
+            };
+            runs.push((index, one));
             done(finished.fetch_add(1, Ordering::Relaxed) + 1);
         }
     };
-    let mut all: Vec<(usize, Result<Run, OpenError>)> = std::thread::scope(|scope| {
+    let mut all: Vec<(usize, Result<Run, Failure>)> = std::thread::scope(|scope| {
         let threads: Vec<_> = (0..jobs.clamp(1, count.max(1))).map(|_| scope.spawn(work)).collect();
         threads.into_iter().flat_map(|thread| thread.join().unwrap_or_else(|e| std::panic::resume_unwind(e))).collect()
     });
@@ -165,21 +214,22 @@ struct Watch {
 }
 
 /// A channel, and how far it has been read.
-struct Tap {
+pub(crate) struct Tap {
     ring: RawReader,
     buffer: SampleBuffer,
     read_to: u64,
 }
 
 impl Tap {
-    fn open(host: &SimulatedHost, path: &str, expect: Option<Expect>) -> Option<Tap> {
+    /// Opens a channel of a simulated robot.
+    pub(crate) fn open(host: &SimulatedHost, path: &str, expect: Option<Expect>) -> Option<Tap> {
         let ring = host.tree().reader(path, expect).ok()?;
         let buffer = SampleBuffer::new(ring.geometry());
         Some(Tap { ring, buffer, read_to: 0 })
     }
 
     /// Hands sequence number, stamp and bytes of every new sample to `each`.
-    fn drain(&mut self, mut each: impl FnMut(u64, Time, &SampleBuffer)) {
+    pub(crate) fn drain(&mut self, mut each: impl FnMut(u64, Time, &SampleBuffer)) {
         let head = self.ring.head();
         while self.read_to < head {
             self.read_to += 1;
@@ -282,7 +332,8 @@ impl Watch {
     }
 }
 
-fn expected<M: Message>() -> Expect {
+/// What a reader of `M` expects of a channel.
+pub(crate) fn expected<M: Message>() -> Expect {
     Expect { type_name: M::NAME.into(), layout_hash: M::layout_hash() }
 }
 

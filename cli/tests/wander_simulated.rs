@@ -14,7 +14,7 @@ fn pioneer(world: &str) -> Robot {
 }
 
 fn runs(world: &str, seeds: std::ops::Range<u64>, seconds: f64, jobs: usize) -> Vec<Run> {
-    run_all(&pioneer(world), seeds, seconds, jobs, &|_| {}).unwrap()
+    run_all(&pioneer(world), seeds, seconds, jobs, &|_| None, &|_| {}).unwrap()
 }
 
 #[test]

@@ -6,6 +6,7 @@
 #![allow(rustdoc::broken_intra_doc_links)]
 
 pub mod laser;
+pub mod lms200;
 pub mod p2os;
 pub mod port;
 pub mod urg;

@@ -55,7 +55,7 @@ pub use missions::{
     GotoGoal, GotoPath, GotoProgress, GotoResult, GotoState, MoveProgress, MoveRequest, SetPose, VIA_POINTS,
 };
 pub use motion::{Axis, Command, CoordinatorState, FreeSectors, MotionState, Odometry, Proposal, Stop, Twist, Wish};
-pub use node::{InputCursor, NodeStatistics, StepInputs};
+pub use node::{InputCursor, NodeStatistics, StepEvents, StepInputs, StepKind, WRITTEN, path_number};
 pub use plain::{Message, NoTail, Plain, tail_offset};
 pub use ranges::{Beam, Echo, Ranges};
 pub use reflexes::{Detour, ModeState, ProtectiveStop, Room, SetMode, Side, StopCause, WheelVelocities};

@@ -4,6 +4,7 @@ pub mod echo_memory;
 pub mod echoes;
 pub mod odometry;
 pub mod place;
+pub mod ranges;
 pub mod scan;
 pub mod track;
 pub mod tracks;
@@ -11,5 +12,9 @@ pub mod tracks;
 use runtime::NodeType;
 
 /// Node types of this layer.
-pub const NODES: &[NodeType] =
-    &[NodeType::of::<odometry::Odometry>(), NodeType::of::<echoes::Echoes>(), NodeType::of::<tracks::Tracks>()];
+pub const NODES: &[NodeType] = &[
+    NodeType::of::<odometry::Odometry>(),
+    NodeType::of::<echoes::Echoes>(),
+    NodeType::of::<ranges::BodyRanges>(),
+    NodeType::of::<tracks::Tracks>(),
+];

@@ -195,6 +195,7 @@ impl<N: Node> BenchBuilder<N> {
             resources: Resources::Folder(files.unwrap_or_default()),
             body,
             realtime: RealtimeTable::default(),
+            record: None,
             nodes: vec![spec],
         };
         // The node's own declarations say which ports there are to wire: wire one more each time it asks for one.

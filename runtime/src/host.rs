@@ -2,18 +2,19 @@
 
 use crate::node::{AnyNode, Fault};
 use crate::ports::{Ports, Writer};
+use crate::record::Record;
 use crate::robot::Missed;
 use crate::schedule::Grid;
 use crate::statistics::{Statistics, StepTimes};
 use crate::time::Time;
-use messages::{InputCursor, NodeStatistics, StepInputs};
+use messages::{NodeStatistics, StepKind};
 
 /// A node, opened, with what the runtime adds to it.
 pub(crate) struct Opened {
     pub(crate) node: Box<dyn AnyNode>,
     pub(crate) ports: Ports,
     pub(crate) statistics: Writer<NodeStatistics>,
-    pub(crate) record: Option<Writer<StepInputs>>,
+    pub(crate) record: Option<Record>,
 }
 
 /// A running node.
@@ -24,7 +25,6 @@ pub(crate) struct Running {
     pub(crate) last_fault: Option<Fault>,
     missed: Missed,
     deadline_ns: Option<u64>,
-    cursors: Vec<InputCursor>,
     published: Time,
 }
 
@@ -37,7 +37,6 @@ impl Running {
             last_fault: None,
             missed: spec.missed,
             deadline_ns: spec.deadline_ns.or(spec.period_ns),
-            cursors: Vec::with_capacity(crate::robot::INPUTS_CAPACITY),
             published: start,
         }
     }
@@ -45,8 +44,8 @@ impl Running {
     /// One step at `now` that was due at `release`; `end` tells the time after it.
     pub(crate) fn step(&mut self, now: Time, release: Time, end: impl FnOnce() -> Time) -> Result<(), Fault> {
         self.opened.ports.freeze(now);
-        if self.opened.record.is_some() {
-            self.note_cursors();
+        if let Some(record) = &mut self.opened.record {
+            record.begin(&self.opened.ports);
         }
         let result = self.opened.node.step(now);
         let ended = end();
@@ -64,32 +63,44 @@ impl Running {
             let skipped = grid.advance(ended, self.missed);
             self.counted.skip(skipped);
         }
-        if self.opened.record.is_some() {
-            self.publish_cursors(now);
+        if let Some(record) = &mut self.opened.record {
+            record.end(&self.opened.ports, StepKind::Step, self.counted.steps(), now, result.is_err());
         }
         self.last_fault = result.err();
         result
     }
 
-    fn note_cursors(&mut self) {
-        self.cursors.clear();
-        let cursors = &mut self.cursors;
-        for (port, input) in self.opened.ports.inputs().iter().enumerate() {
-            input.take_lost();
-            input.cursors(port as u32, |cursor| {
-                if cursors.len() < cursors.capacity() {
-                    cursors.push(cursor);
-                }
-            });
-        }
+    /// The node's `start`, before its first step.
+    pub(crate) fn start(&mut self, now: Time) -> Result<(), Fault> {
+        let result = self.beside_steps(StepKind::Start, now, |node| node.start(now));
+        self.last_fault = result.err();
+        result
     }
 
-    fn publish_cursors(&mut self, now: Time) {
-        let lost = self.opened.ports.inputs().iter().any(|input| input.take_lost());
-        let inputs = StepInputs { step: self.counted.steps(), now_ns: now.nanos(), lost: u64::from(lost) };
-        if let Some(record) = &mut self.opened.record {
-            record.write_with_tail(now, &inputs, &self.cursors);
+    /// The node's `stop`, after its last step.
+    pub(crate) fn stop(&mut self, now: Time) {
+        let _ = self.beside_steps(StepKind::Stop, now, |node| {
+            node.stop(now);
+            Ok(())
+        });
+    }
+
+    fn beside_steps(
+        &mut self,
+        kind: StepKind,
+        now: Time,
+        act: impl FnOnce(&mut dyn AnyNode) -> Result<(), Fault>,
+    ) -> Result<(), Fault> {
+        let Opened { node, ports, record, .. } = &mut self.opened;
+        ports.freeze(now);
+        if let Some(record) = record {
+            record.begin(ports);
         }
+        let result = act(node.as_mut());
+        if let Some(record) = record {
+            record.end(ports, kind, self.counted.steps(), now, result.is_err());
+        }
+        result
     }
 
     /// The counters so far.

@@ -258,12 +258,13 @@ impl NodeThread {
         for input in &triggers {
             input.take_arrival();
         }
-        if let Err(fault) = opened.node.start(start) {
+        let mut running = Running::new(opened, spec, start);
+        if let Err(fault) = running.start(start) {
             eprintln!("{}: start: {fault}", spec.path());
         }
         Ok(NodeThread {
             instance: spec.path(),
-            running: Running::new(opened, spec, start),
+            running,
             tree,
             word,
             arrivals,
@@ -298,7 +299,7 @@ impl NodeThread {
                 }
             }
         }
-        self.running.opened.node.stop(clock::now());
+        self.running.stop(clock::now());
         let summary = self.running.summary();
         self.running.opened.statistics.write(clock::now(), &summary);
         self.pump.stop();

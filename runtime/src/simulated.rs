@@ -173,9 +173,8 @@ impl SimulatedHost {
         let called = slot.called.clone();
         pump.notify(Arc::new(move |_| called.store(true, Ordering::Relaxed)));
         pump.join(&self.calls).map_err(|e| OpenError::Config { reason: e.to_string() })?;
-        if let Err(fault) = running.opened.node.start(now) {
-            running.last_fault = Some(fault);
-        }
+        // A fault is kept in `last_fault`.
+        let _ = running.start(now);
         Ok(())
     }
 
@@ -380,7 +379,7 @@ impl SimulatedHost {
     pub fn stop(&mut self) {
         for index in (0..self.slots.len()).rev() {
             if let Some(running) = &mut self.slots[index].running {
-                running.opened.node.stop(self.now);
+                running.stop(self.now);
             }
         }
     }

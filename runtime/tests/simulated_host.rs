@@ -176,17 +176,27 @@ fn the_time_slices_in_which_a_host_is_run_do_not_matter() {
 
 #[test]
 fn every_steps_inputs_are_published_where_the_robot_file_asks_for_it() {
-    use messages::{InputCursor, StepInputs};
+    use messages::{InputCursor, StepInputs, StepKind, WRITTEN, path_number};
     let mut host = SimulatedHost::new(&robot(TOY), 7, Time::ZERO).unwrap();
     host.run_until(seconds(0.105));
     let ring = host.tree().reader("/perception/relay/inputs", None).unwrap();
     let mut buffer = SampleBuffer::new(ring.geometry());
-    for step in 1..=ring.head() {
-        ring.read(step, &mut buffer).unwrap();
+    for number in 1..=ring.head() {
+        ring.read(number, &mut buffer).unwrap();
+        let step = number - 1;
         let inputs: StepInputs = *messages::bytemuck::from_bytes(buffer.fixed());
         let cursors: &[InputCursor] = messages::bytemuck::cast_slice(buffer.tail());
-        assert_eq!((inputs.step, inputs.lost), (step, 0));
-        assert_eq!(cursors, [InputCursor { port: 0, source: 0, generation: 1, sequence: step }]);
+        let kind = if step == 0 { StepKind::Start } else { StepKind::Step };
+        assert_eq!((inputs.step, inputs.kind, inputs.lost), (step, kind as u32, 0));
+        let cursor =
+            |port, path, sequence| InputCursor { port, source: path_number(path), generation: 1, sequence, read_to: 0 };
+        assert_eq!(
+            cursors,
+            [
+                cursor(0, "/drivers/clock/ticks", step),
+                cursor(WRITTEN, "/perception/relay/seen", step.saturating_sub(1))
+            ]
+        );
     }
-    assert_eq!(ring.head(), 11);
+    assert_eq!(ring.head(), 12);
 }

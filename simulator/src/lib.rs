@@ -13,6 +13,7 @@ mod simulation;
 mod sonar;
 mod statistics;
 pub mod svg;
+pub mod swarm;
 pub mod world;
 
 pub use contact::{BROKEN_FOR_S, BROKEN_GAP_M};

@@ -13,6 +13,8 @@ pub(crate) enum Purpose {
     Sonar = 4,
     Line = 5,
     Laser = 6,
+    Layout = 20,
+    Swarm = 21,
 }
 
 /// A seeded generator.

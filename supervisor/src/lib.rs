@@ -61,3 +61,4 @@ pub use rule::{Restart, Rule};
 pub use run::{SuperviseError, run, run_prepared};
 pub use state::{NodeState, RobotState};
 pub use status::{NodeStatus, Status};
+pub use wall::utc;

@@ -30,6 +30,7 @@ fn own_dependencies(folder: &str) -> Vec<String> {
         "coordinator",
         "motion",
         "simulator",
+        "recorder",
         "sinew",
     ];
     found.retain(|name| own.contains(&name.as_str()));
@@ -53,6 +54,9 @@ fn lower_crates_do_not_know_higher_ones() {
     assert_eq!(own_dependencies("messages"), ["messages-derive"]);
     assert_eq!(own_dependencies("runtime"), ["messages"]);
     assert!(own_dependencies("supervisor").iter().all(|name| ["messages", "runtime"].contains(&name.as_str())));
+    let recorder = own_dependencies("recorder");
+    let below = ["messages", "runtime", "supervisor"];
+    assert!(recorder.iter().all(|name| below.contains(&name.as_str())), "{recorder:?}");
     let simulator = own_dependencies("simulator");
     assert!(simulator.iter().all(|name| ["messages", "runtime", "drivers"].contains(&name.as_str())), "{simulator:?}");
 }
@@ -71,6 +75,7 @@ fn the_workspace_lists_its_crates_in_flow_order() {
         "coordinator",
         "motion",
         "simulator",
+        "recorder",
         "cli",
     ];
     for pair in order.windows(2) {

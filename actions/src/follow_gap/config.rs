@@ -13,6 +13,8 @@ use serde::Deserialize;
 pub struct FollowGapConfig {
     /// How long what nobody looks at is remembered; 0 makes it purely reactive: only the newest scan counts [s].
     pub memory_s: f64,
+    /// Whether what moves is met where it will be; otherwise it counts as standing where it is.
+    pub tracking: bool,
     /// Beams are used up to here [m].
     pub horizon_m: f64,
     /// Greatest speed that is planned; the body's own when left out [m/s].
@@ -71,12 +73,15 @@ pub struct FollowGapConfig {
     pub seed: u64,
     /// Urgency of the proposal, 0…1.
     pub urgency: f64,
+    /// How long a proposal counts [s].
+    pub valid_for_s: f64,
 }
 
 impl Default for FollowGapConfig {
     fn default() -> FollowGapConfig {
         FollowGapConfig {
             memory_s: 20.0,
+            tracking: true,
             horizon_m: 8.0,
             max_forward_m_s: None,
             max_turn_rad_s: None,
@@ -98,14 +103,15 @@ impl Default for FollowGapConfig {
             backward_weight: 3.0,
             look_ahead_m: 0.4,
             free_m: 0.5,
-            blocked_m: 0.25,
-            narrow_price: 4.0,
+            blocked_m: 0.28,
+            narrow_price: 8.0,
             blocked_price: 40.0,
-            stop_margin_m: 0.04,
+            stop_margin_m: 0.06,
             stop_delay_s: 0.1,
             changes: 96,
             seed: 1,
             urgency: 0.6,
+            valid_for_s: 0.2,
         }
     }
 }
@@ -142,6 +148,7 @@ impl FollowGapConfig {
             ("stop_margin_m", c.stop_margin_m, 0.0, 1.0),
             ("stop_delay_s", c.stop_delay_s, 0.0, 1.0),
             ("urgency", c.urgency, 0.0, 1.0),
+            ("valid_for_s", c.valid_for_s, 0.02, 5.0),
         ];
         // The negation also refuses NaN.
         let wrong = bounds.iter().find(|(_, value, least, most)| !(*value >= *least && *value <= *most));
@@ -200,7 +207,6 @@ impl FollowGapConfig {
             horizon_m: self.horizon_m,
             delay_s: self.delay_s,
             period_s: 0.02,
-            tolerance_m: self.tolerance_m,
             stop_margin_m: self.stop_margin_m,
             stop_delay_s: self.stop_delay_s,
             changes: self.changes,

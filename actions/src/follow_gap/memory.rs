@@ -19,8 +19,13 @@ struct Cell {
     y_m: f32,
     /// Time of the last hit, in milliseconds since the planner's beginning.
     hit_ms: u32,
+    /// Since when it has been hit without a pause.
+    since_ms: u32,
     evidence: u8,
 }
+
+/// A cell that is not hit for so long has been free in between [ms].
+const PAUSE_MS: u32 = 150;
 
 /// The raster.
 #[derive(Debug)]
@@ -131,8 +136,19 @@ impl Memory {
     pub fn hit(&mut self, at: Point, now_ms: u32) {
         let (column, row) = self.cell_of(at);
         if let Some(index) = self.index(column, row) {
-            self.raster[index] = Cell { x_m: at.x_m as f32, y_m: at.y_m as f32, hit_ms: now_ms, evidence: HIT };
+            let before = self.raster[index];
+            // A beam beside the surface may have cleared the cell within this very scan: only a pause is one.
+            let pause_ms = now_ms.saturating_sub(before.hit_ms);
+            let since_ms = if before.hit_ms > 0 && pause_ms < PAUSE_MS { before.since_ms } else { now_ms };
+            let (x_m, y_m) = (at.x_m as f32, at.y_m as f32);
+            self.raster[index] = Cell { x_m, y_m, hit_ms: now_ms, since_ms, evidence: HIT };
         }
+    }
+
+    /// For how long the place of a hit has been hit without a pause; `None` outside the raster [ms].
+    pub fn age_ms(&self, at: Point, now_ms: u32) -> Option<u32> {
+        let (column, row) = self.cell_of(at);
+        self.index(column, row).map(|index| now_ms.saturating_sub(self.raster[index].since_ms))
     }
 
     /// Puts all points that are remembered at `now_ms` into `points`, as many as it has room for. Those within the
@@ -207,6 +223,19 @@ mod tests {
         memory.hit(Point::default(), 0);
         memory.follow(Point::new(40.0, 0.0));
         assert!(seen(&memory, 0).is_empty());
+    }
+
+    #[test]
+    fn a_place_s_age_counts_from_the_last_pause() {
+        let mut memory = Memory::new(100, 0.05, 5.0);
+        let place = Point::new(1.01, 0.01);
+        for k in 0..50 {
+            memory.hit(place, 1000 + 20 * k);
+        }
+        assert_eq!(memory.age_ms(place, 2000), Some(1000));
+        memory.hit(place, 3000);
+        assert_eq!(memory.age_ms(place, 3000), Some(0), "a second without a hit is a pause");
+        assert_eq!(memory.age_ms(Point::new(9.0, 0.0), 3000), None);
     }
 
     #[test]

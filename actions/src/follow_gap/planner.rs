@@ -11,6 +11,7 @@ use super::candidates::{self, Candidates};
 use super::clearance::Clearance;
 use super::guide::{Guide, Price};
 use super::memory::Memory;
+use super::movers::Movers;
 use super::pose::{Point, Pose};
 use super::rollout::{COLLISION, INTERVALS, Limits, Mover, Outcome, Outline, Plan, Scene, State, Weights};
 use messages::{Beam, Echo};
@@ -35,8 +36,6 @@ pub struct Setup {
     pub delay_s: f64,
     /// Time from one wanted velocity to the next [s].
     pub period_s: f64,
-    /// The goal counts as reached within this [m].
-    pub tolerance_m: f64,
     /// Room between outline and obstacle when the robot has come to rest along the arc that is wanted [m].
     pub stop_margin_m: f64,
     /// Time in which nothing slows yet, for the same [s].
@@ -58,10 +57,12 @@ pub struct Sight<'a> {
     pub scan_pose: Pose,
     /// The scan; empty when there is no new one.
     pub beams: &'a [Beam],
-    /// What moves, as of now.
+    /// What is said to move, as of now; believed only where the memory agrees.
     pub movers: &'a [Mover],
     /// Where to go.
     pub goal: Point,
+    /// The goal counts as reached within this [m].
+    pub tolerance_m: f64,
     /// Time since the planner's beginning [s].
     pub time_s: f64,
 }
@@ -96,10 +97,44 @@ const PATH_POINTS: usize = 60;
 const PATH_STEP_M: f64 = 0.06;
 /// The guide is worked out so much farther than the robot [m of free way].
 const BEYOND: f32 = 5.0;
-/// Beams count as a mover's when they end within this of its disc [m].
-const MOVERS_OWN_M: f64 = 0.15;
 /// The wanted velocity is the plan's so much later, so that ramps below have something to ramp to [s].
 const LEAD_S: f64 = 0.1;
+
+/// Within this of one place for [`STANDS_S`] the robot counts as stuck [m].
+const STANDS_M: f64 = 0.15;
+/// See [`STANDS_M`] [s].
+const STANDS_S: f64 = 1.0;
+/// By so much more room does a stuck robot ask the guide for, each time, and at most [m].
+const WIDER_M: f64 = 0.03;
+const WIDEST_M: f64 = 0.12;
+/// Where it got stuck counts as left behind from here on [m].
+const LEFT_M: f64 = 2.5;
+
+/// Notices that the guide leads where the footprint does not pass, and asks for wider ways until that place is behind.
+#[derive(Debug, Clone, Copy, Default)]
+struct Patience {
+    /// Where, and since when [s].
+    stands: Option<(Point, f64)>,
+    stuck_at: Point,
+    wider_m: f64,
+}
+
+impl Patience {
+    fn wider_m(&mut self, time_s: f64, place: Point) -> f64 {
+        let (at, since_s) = *self.stands.get_or_insert((place, time_s));
+        if place.to(at).length_m() > STANDS_M {
+            self.stands = Some((place, time_s));
+        } else if time_s - since_s > STANDS_S {
+            self.stands = Some((at, time_s));
+            self.stuck_at = place;
+            self.wider_m = (self.wider_m + WIDER_M).min(WIDEST_M);
+        }
+        if place.to(self.stuck_at).length_m() > LEFT_M {
+            self.wider_m = 0.0;
+        }
+        self.wider_m
+    }
+}
 
 /// The planner.
 #[derive(Debug)]
@@ -114,6 +149,8 @@ pub struct Planner {
     followers: Vec<Plan>,
     path: Vec<Point>,
     plan: Option<Plan>,
+    movers: Movers,
+    patience: Patience,
 }
 
 impl Planner {
@@ -129,6 +166,8 @@ impl Planner {
             followers: Vec::with_capacity(32),
             path: Vec::with_capacity(PATH_POINTS),
             plan: None,
+            movers: Movers::default(),
+            patience: Patience::default(),
             setup,
         }
     }
@@ -138,6 +177,8 @@ impl Planner {
         self.memory.clear();
         self.points.clear();
         self.plan = None;
+        self.movers = Movers::default();
+        self.patience = Patience::default();
     }
 
     /// The guide's path of the last step, for pictures.
@@ -150,13 +191,18 @@ impl Planner {
         let setup = self.setup;
         self.take_scan(sight);
         let place = sight.pose.place;
-        if place.to(sight.goal).length_m() <= setup.tolerance_m {
+        if place.to(sight.goal).length_m() <= sight.tolerance_m {
             self.plan = None;
             return Wish { arrived: true, ..Wish::default() };
         }
         self.fine.rebuild(place, &self.points);
         self.coarse.rebuild(place, &self.points);
-        self.guide.rebuild(&self.coarse, &setup.price, sight.goal, place, BEYOND);
+        let mut price = setup.price;
+        if setup.memory_s > 0.0 {
+            price.blocked_m += self.patience.wider_m(sight.time_s, place);
+            price.free_m = price.free_m.max(price.blocked_m + 0.05);
+        }
+        self.guide.rebuild(&self.coarse, &price, sight.goal, place, BEYOND);
         let now = State { pose: sight.pose, forward_m_s: sight.velocity.0, turn_rad_s: sight.velocity.1 };
         // What was wanted before goes on until this step's wish reaches the wheels.
         let before = self.plan.filter(|_| setup.memory_s > 0.0);
@@ -200,26 +246,27 @@ impl Planner {
                 }
             }
         }
+        self.movers.begin(if remembers { sight.movers } else { &[] });
         for beam in sight.beams {
             let near = f64::from(beam.range_m) < setup.horizon_m;
             if beam.echo != Echo::Value as u32 || !near {
                 continue;
             }
             let end = end_of(beam, f64::from(beam.range_m));
-            if moves(end, sight.movers) {
-                continue;
-            }
             if remembers {
                 self.memory.hit(end, now_ms);
+                self.movers.look_at(end, self.memory.age_ms(end, now_ms));
             } else if self.points.len() < self.points.capacity() {
                 self.points.push(end);
             }
         }
         if remembers {
+            self.movers.decide();
             let outline = &setup.outline;
             let shape = (outline.ahead_m, outline.behind_m, outline.half_width_m);
             self.memory.collect(now_ms, &sight.pose.frame(), shape, &mut self.points);
-            self.points.retain(|point| !moves(*point, sight.movers));
+            let movers = &self.movers;
+            self.points.retain(|point| !movers.hold(*point));
         }
     }
 
@@ -227,7 +274,7 @@ impl Planner {
         Scene {
             clearance: &self.fine,
             guide: &self.guide,
-            movers: sight.movers,
+            movers: self.movers.believed(),
             outline: self.setup.outline,
             limits: self.setup.limits,
             weights: self.setup.weights,
@@ -310,9 +357,4 @@ impl Planner {
         }
         wanted
     }
-}
-
-/// Whether a point is part of something that moves.
-fn moves(point: Point, movers: &[Mover]) -> bool {
-    movers.iter().any(|mover| point.to(mover.place).length_m() < mover.radius_m + MOVERS_OWN_M)
 }

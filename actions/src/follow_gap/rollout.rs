@@ -48,6 +48,10 @@ impl Outline {
 /// Something that moves, as a disc with a constant velocity in the odometry frame.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Mover {
+    /// Tells it from others, from step to step.
+    pub id: u64,
+    /// Whether the newest scan shows it; otherwise it is carried on by its velocity.
+    pub seen: bool,
     /// Where its centre is now.
     pub place: Point,
     /// Its velocity [m/s].
@@ -163,6 +167,8 @@ pub struct Outcome {
     pub least_gap_m: f64,
 }
 
+/// From this gap on it need not be known exactly [m].
+const FAR_M: f64 = 0.6;
 /// What any collision costs at least.
 pub const COLLISION: f64 = 1e3;
 
@@ -170,14 +176,20 @@ impl Scene<'_> {
     /// Gap between the outline at `frame` and what stands; +∞ in the open [m].
     pub fn gap_m(&self, frame: &Frame) -> f64 {
         let outline = &self.outline;
+        let Some(middle) = self.clearance.nearest(frame.place) else { return f64::INFINITY };
+        // Far from everything the circle about the outline does: nothing is nearer to it than this.
+        let away_m = frame.place.to(middle).length_m() - outline.radius_m();
+        if away_m > FAR_M {
+            return away_m;
+        }
         // The point nearest to the outline is nearest to one of three places along its middle line, nearly always.
         let (front, rear) =
             (outline.ahead_m - outline.half_width_m * 0.5, outline.half_width_m * 0.5 - outline.behind_m);
-        [0.0, front, rear]
+        [front, rear]
             .into_iter()
             .filter_map(|x_m| self.clearance.nearest(frame.outer(x_m, 0.0)))
             .map(|point| outline.gap_m(frame.inner(point)))
-            .fold(f64::INFINITY, f64::min)
+            .fold(outline.gap_m(frame.inner(middle)), f64::min)
     }
 
     /// Gap between the outline at `frame` and the nearest mover `after_s` from now; +∞ without movers [m].

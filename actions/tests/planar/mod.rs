@@ -242,13 +242,20 @@ pub fn run(course: &Course, setup: &Setup, trial: &Trial) -> Result {
             .rounds
             .iter()
             .filter(|_| trial.tracking)
-            .map(|round| {
+            .enumerate()
+            .map(|(id, round)| {
                 let (place, velocity) = round.at(time_s);
                 let turned = Point::new(
                     velocity.x_m * start_frame.cos + velocity.y_m * start_frame.sin,
                     velocity.y_m * start_frame.cos - velocity.x_m * start_frame.sin,
                 );
-                Mover { place: start_frame.inner(place), velocity: turned, radius_m: round.radius_m }
+                Mover {
+                    id: id as u64,
+                    seen: true,
+                    place: start_frame.inner(place),
+                    velocity: turned,
+                    radius_m: round.radius_m,
+                }
             })
             .filter(|mover| {
                 // Only what the laser can see: within 270°, not too far.
@@ -263,6 +270,7 @@ pub fn run(course: &Course, setup: &Setup, trial: &Trial) -> Result {
             beams: &beams,
             movers: &movers,
             goal,
+            tolerance_m: 0.3,
             time_s,
         };
         let clock = std::time::Instant::now();

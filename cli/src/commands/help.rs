@@ -5,9 +5,10 @@ use clap::CommandFactory;
 use std::fmt::Write;
 
 /// Every command under what it is for. A test holds this list to the commands that there are.
-const GROUPS: [(&str, &[&str]); 4] = [
-    ("Run a robot", &["run", "drive", "goto", "mode", "down", "simulate"]),
+const GROUPS: [(&str, &[&str]); 5] = [
+    ("Run a robot", &["run", "drive", "goto", "mode", "down", "simulate", "barn"]),
     ("Look at a running robot", &["ls", "cat", "hz", "logs", "call"]),
+    ("Record, and see again", &["record", "info", "play", "replay", "recover"]),
     ("Look at a robot file", &["check", "graph", "schema"]),
     ("Look at this machine", &["doctor", "bench", "experiments"]),
 ];
@@ -57,6 +58,7 @@ Examples:
   sinew run                                        the built-in Pioneer, simulated
   sinew run robots/pioneer --for 60s --json        a minute without a screen, results as JSON
   sinew run robots/pioneer --device base=/dev/ttyUSB0    the same robot on real wheels
+  sinew run --record run.mcap                      records everything, so that every node can be replayed
 
 JSON (--json), one object per line, told apart by event:
   state     each second: time_s, x_m, y_m, heading_rad, speed_m_s, turn_rad_s, battery_v, clearance_m, contacts_caused,
@@ -69,6 +71,7 @@ pub const SIMULATE: &str = "\
 Examples:
   sinew simulate --seeds 0..100 --for 300s         a hundred runs of the built-in Pioneer
   sinew simulate robots/pioneer --seeds 7..8 --svg run.svg    draws run 7
+  sinew simulate --seeds 7..8 --record run.mcap    records run 7, for `sinew replay`
 
 JSON (--json):
   {\"runs\": [{seed, contacts_caused, contacts_suffered, distance_m, least_clearance_m, mean_speed_m_s,
@@ -76,6 +79,21 @@ JSON (--json):
   The same seed gives the same hash, on any machine.
 
 Exit code 4 when the robot caused a contact.";
+
+pub const BARN: &str = "\
+Examples:
+  sinew barn --data barn                           every world once: success, collisions, score
+  sinew barn --data barn --reactive --seeds 3      the newest scan alone decides, three runs in each world
+  sinew barn --data dynabarn --dynamic --tracking off    cylinders that move, and a planner that is not told so
+  sinew barn --data barn --latency-ms 50 --odometry-scale 1.01
+  sinew barn --data barn --worlds 17..18 --svg run.svg   draws the run through world 17
+
+JSON (--json):
+  {note, runs, success, collisions, timeouts (shares, 0 to 1), mean_time_s, score, least_clearance_m, classes (DynaBARN),
+   \"worlds\": [{world, seed, end, time_s, score, least_clearance_m, distance_m}]}
+
+Start, goal, limits and score are the challenge's; the robot is the whole stack in the simulated host, in planar
+kinematics: these figures are no leaderboard scores.";
 
 pub const DRIVE: &str = "\
 Examples:
@@ -179,6 +197,58 @@ Examples:
 
 JSON (--json), one object per line: node, line.";
 
+pub const RECORD: &str = "\
+Examples:
+  sinew record                    records the only running robot, until Ctrl-C, to NAME-TIME.mcap
+  sinew record pioneer -o run.mcap --for 60s
+  sinew record --paths /drivers --paths '/actions/*/proposal'    a part of it
+  sinew run --record run.mcap     a whole run from its first step, that can be replayed
+
+The file is MCAP with the profile ros2: Foxglove, Lichtblick, Rerun and `ros2 bag` read it. The recorder is a process of
+its own that only reads: a full disk ends the recording and never the robot.
+
+JSON (--json): file, duration_s, channels, samples, lost, bytes, cpu_s.";
+
+pub const INFO: &str = "\
+Examples:
+  sinew info run.mcap             topics, types, counts, rates, what is missing, incidents
+  sinew info run.mcap --json
+
+JSON (--json): file, bytes, robot, host (live, simulated), seed, build, started, duration_s, messages, missing (gaps in
+the numbers of channels), lost (samples that the recorder says it lost), replayable (nodes recorded from their start),
+topics [{topic, type, count, rate_hz, bytes, missing}], incidents [{at_s, node, message}], changes, content_hash,
+damage. Exit code 4 when the file is cut off or damaged.";
+
+pub const PLAY: &str = "\
+Examples:
+  sinew play run.mcap             its paths come alive: sinew ls, cat, hz work as if the robot ran
+  sinew play run.mcap --rate 4 --from 20s
+  sinew play run.mcap --loop --name ghost
+
+Stamps are moved to now; at another rate they are as far apart as they are played.
+
+JSON (--json): samples, rounds, took_s.";
+
+pub const REPLAY: &str = "\
+Examples:
+  sinew replay run.mcap                                   every node does its recorded steps again
+  sinew replay run.mcap --node steer_clear --node base    these two
+  sinew replay run.mcap --node steer_clear --set nodes.steer_clear.config.kappa=0.5 --svg change.svg
+                                                          how a changed node differs: statistics and a plot
+A step sees the samples, device bytes and calls that it saw then, and what it writes is compared byte for byte. A step of
+which something is missing is counted as not replayable; nothing is guessed.
+
+JSON (--json): identical, nodes [{node, steps, identical_steps, different_steps, not_replayable, unproven,
+unproven_identical, reasons, lives, paths [{path, identical, different, not_recorded, other_count, fields [{field, values,
+different, mean, rms, max}]}], first_difference {step, at_s, path, sequence, fields, recorded, replayed, inputs, events}}].
+Exit code 4 when something differs.";
+
+pub const RECOVER: &str = "\
+Examples:
+  sinew recover cut.mcap -o whole.mcap    saves what is whole in a file that was cut off or damaged
+
+JSON (--json): file, messages, duration_s, damaged_chunks, damage.";
+
 pub const CHECK: &str = "\
 Examples:
   sinew check                     the built-in Pioneer
@@ -268,7 +338,10 @@ mod tests {
     #[test]
     fn reading_commands_take_json() {
         let command = CommandLine::command();
-        for name in ["ls", "cat", "hz", "call", "logs", "check", "graph", "doctor", "simulate", "bench"] {
+        for name in [
+            "ls", "cat", "hz", "call", "logs", "check", "graph", "doctor", "simulate", "bench", "record", "info",
+            "play", "replay", "recover",
+        ] {
             let found = command.find_subcommand(name).expect("it is a command");
             assert!(found.get_arguments().any(|a| a.get_long() == Some("json")), "{name} has no --json");
         }

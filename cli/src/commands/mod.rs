@@ -1,5 +1,6 @@
 //! The command line: one binary, one word per thing to do.
 
+mod barn;
 pub mod bench;
 mod call;
 mod cat;
@@ -12,10 +13,15 @@ mod goto;
 mod graph;
 mod help;
 mod hz;
+mod info;
 mod logs;
 mod ls;
 mod mode;
 pub mod node;
+mod play;
+mod record;
+mod recover;
+mod replay;
 pub mod run;
 mod schema;
 pub mod simulate;
@@ -41,6 +47,8 @@ enum Command {
     Run(run::Args),
     #[command(after_help = help::SIMULATE)]
     Simulate(simulate::Args),
+    #[command(after_help = help::BARN)]
+    Barn(barn::Args),
     #[command(after_help = help::DRIVE)]
     Drive(drive::Args),
     #[command(after_help = help::GOTO)]
@@ -59,6 +67,16 @@ enum Command {
     Call(call::Args),
     #[command(after_help = help::LOGS)]
     Logs(logs::Args),
+    #[command(after_help = help::RECORD)]
+    Record(record::Args),
+    #[command(after_help = help::INFO)]
+    Info(info::Args),
+    #[command(after_help = help::PLAY)]
+    Play(play::Args),
+    #[command(after_help = help::REPLAY)]
+    Replay(replay::Args),
+    #[command(after_help = help::RECOVER)]
+    Recover(recover::Args),
     #[command(after_help = help::CHECK)]
     Check(check::Args),
     #[command(after_help = help::GRAPH)]
@@ -98,6 +116,7 @@ fn dispatch(command: Command, types: &[NodeType]) -> Result<(), Failure> {
     match command {
         Command::Run(args) => run::run(args, types),
         Command::Simulate(args) => simulate::run(args, types),
+        Command::Barn(args) => barn::run(args, types),
         Command::Drive(args) => drive::run(args, types),
         Command::Goto(args) => goto::run(args),
         Command::Mode(args) => mode::run(args, types),
@@ -107,6 +126,11 @@ fn dispatch(command: Command, types: &[NodeType]) -> Result<(), Failure> {
         Command::Hz(args) => hz::run(args),
         Command::Call(args) => call::run(args),
         Command::Logs(args) => logs::run(args),
+        Command::Record(args) => record::run(args, types),
+        Command::Info(args) => info::run(args),
+        Command::Play(args) => play::run(args),
+        Command::Replay(args) => replay::run(args, types),
+        Command::Recover(args) => recover::run(args),
         Command::Check(args) => check::run(args, types),
         Command::Graph(args) => graph::run(args, types),
         Command::Schema(args) => schema::run(args, types),

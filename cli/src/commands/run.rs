@@ -5,7 +5,7 @@ use crate::launch::Launch;
 use crate::load::{self, Changes};
 use crate::view;
 use runtime::channel::Tree;
-use runtime::robot::{Graph, NodeSpec, Restart as Wish, Robot};
+use runtime::robot::{Graph, NodeSpec, RecordTable, Restart as Wish, Robot};
 use runtime::{Layer, NodeType, clock};
 use std::path::PathBuf;
 use std::sync::mpsc;
@@ -31,12 +31,19 @@ pub struct Args {
     /// Where the picture of the run goes; "none" for none
     #[arg(long, value_name = "FILE", default_value = "sinew-run.svg")]
     svg: PathBuf,
+    /// Records the run to this file, so that every node of it can be replayed
+    #[arg(long, value_name = "FILE")]
+    record: Option<PathBuf>,
     #[command(flatten)]
     changes: Changes,
 }
 
 /// Runs the robot and shows it.
-pub fn run(args: Args, types: &[NodeType]) -> Result<(), Failure> {
+pub fn run(mut args: Args, types: &[NodeType]) -> Result<(), Failure> {
+    if let Some(file) = &args.record {
+        let file = toml::Value::String(std::path::absolute(file)?.display().to_string());
+        args.changes.set.push(format!("record.file={file}"));
+    }
     let length_s = args.length.as_deref().map(crate::output::parse_seconds).transpose();
     let length_s = length_s.map_err(|reason| Failure::new(USAGE, reason))?;
     let robot = load::robot(args.robot.as_deref(), &args.changes, types)?;
@@ -115,8 +122,33 @@ fn plan(robot: &Robot) -> Result<Plan, Failure> {
         program.rule.stop_group = members.iter().map(|node| stop_group(node.kind.layer)).max().unwrap_or(0);
         program
     });
-    let programs = programs.collect();
+    let mut programs: Vec<Program> = programs.collect();
+    if let Some(record) = &robot.record {
+        programs.push(recorder(robot, record, &program)?);
+    }
     Ok(Plan::new(robot.name.clone(), programs))
+}
+
+/// The recorder: the first to start and the last to stop. When it ends, for want of space say, the robot goes on.
+fn recorder(robot: &Robot, record: &RecordTable, program: &std::path::Path) -> Result<Program, Failure> {
+    let file = match &record.file {
+        Some(file) => PathBuf::from(file),
+        None => std::path::absolute(&record.folder)?.join(super::record::file_name(&robot.name)),
+    };
+    if file.is_file() {
+        let text = format!("{} is there already, and a recording replaces nothing", file.display());
+        return Err(Failure::new(USAGE, text));
+    }
+    let mut argv = vec![program.as_os_str().to_owned(), "record".into(), robot.name.clone().into()];
+    argv.extend(["-o".into(), file.into_os_string(), "--from-start".into(), "--json".into()]);
+    for path in &record.paths {
+        argv.extend(["--paths".into(), path.into()]);
+    }
+    let mut program = Program::new("recorder", argv);
+    program.rule.restart = Restart::Never;
+    program.rule.stop_group = 3;
+    program.rule.grace_s = 10.0;
+    Ok(program)
 }
 
 fn restart(wish: Wish) -> Restart {

@@ -45,6 +45,7 @@ fn messages_schema() -> Value {
     add(messages::Truth::schema());
     add(messages::NodeStatistics::schema());
     add(messages::StepInputs::schema());
+    add(messages::StepEvents::schema());
     add(messages::Switch::schema());
     add(messages::Trigger::schema());
     add(messages::Sound::schema());

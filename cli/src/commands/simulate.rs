@@ -28,6 +28,9 @@ pub struct Args {
     /// Draws map, track and contacts of the first run (of all runs with a contact caused, if there are any)
     #[arg(long, value_name = "FILE")]
     svg: Option<PathBuf>,
+    /// Records every run for `sinew replay`; where there are several, FILE-SEED.mcap
+    #[arg(long, value_name = "FILE")]
+    record: Option<PathBuf>,
     #[command(flatten)]
     changes: Changes,
 }
@@ -51,7 +54,9 @@ pub fn run(args: Args, types: &[NodeType]) -> Result<(), Failure> {
     let jobs = args.jobs.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, usize::from));
     let count = seeds.end - seeds.start;
     let progress = std::io::stderr().is_terminal() && count > 1;
-    let runs = simulation::run_all(&robot, seeds, seconds, jobs, &|done| {
+    let several = count > 1;
+    let record = |seed| args.record.as_deref().map(|file| recording_of(file, seed, several));
+    let runs = simulation::run_all(&robot, seeds, seconds, jobs, &record, &|done| {
         if progress {
             eprint!("\r{done}/{count} runs");
             let _ = std::io::stderr().flush();
@@ -111,6 +116,15 @@ fn print_table(out: &mut impl Write, runs: &[Run], total: &RunResult, seconds: f
         row(out, "all".into(), [sum(0), sum(1), sum(2)], total)?;
     }
     writeln!(out, "{} runs of {seconds} s; contacts by cause; speed is the mean while moving (over 1 cm/s)", runs.len())
+}
+
+/// The file of one run's recording.
+fn recording_of(file: &std::path::Path, seed: u64, several: bool) -> PathBuf {
+    if !several {
+        return file.to_owned();
+    }
+    let stem = file.file_stem().unwrap_or_default().to_string_lossy();
+    file.with_file_name(format!("{stem}-{seed}.mcap"))
 }
 
 fn parse_seeds(text: &str) -> Result<std::ops::Range<u64>, Failure> {

@@ -9,4 +9,5 @@ mod goto;
 mod hz;
 mod ls;
 mod place;
+mod recordings;
 mod terminal;

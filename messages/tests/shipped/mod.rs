@@ -3,11 +3,50 @@
 /// `every_message!(check)` is `check::<Axis>(); check::<BaseState>(); …`
 macro_rules! every_message {
     ($check:ident) => {
-        every_message!($check: Axis BaseState Beam Command Contact CoordinatorState Detour Done FreeSectors GotoGoal GotoPath
-            GotoProgress GotoResult Image InputCursor LaserScan LaserState ModeState MotionState MoveProgress
-            MoveRequest NodeStatistics Odometry Proposal ProtectiveStop Ranges Room ScanBeam Segment
-            Segments SetMode SetPose Sound StepInputs Switch Track Tracks Trigger Truth Twist
-            WheelVelocities)
+        every_message!($check:
+            Axis
+            BaseState
+            Beam
+            Command
+            Contact
+            CoordinatorState
+            Detour
+            Done
+            FreeSectors
+            GotoGoal
+            GotoPath
+            GotoProgress
+            GotoResult
+            Image
+            InputCursor
+            LaserScan
+            LaserState
+            ModeState
+            MotionState
+            MoveProgress
+            MoveRequest
+            NodeStatistics
+            Odometry
+            Proposal
+            ProtectiveStop
+            Ranges
+            Room
+            ScanBeam
+            Segment
+            Segments
+            SetMode
+            SetPose
+            Sound
+            StepEvents
+            StepInputs
+            Switch
+            Track
+            Tracks
+            Trigger
+            Truth
+            Twist
+            WheelVelocities
+        )
     };
     ($check:ident: $($message:ident)*) => {
         [$($check::<messages::$message>()),*]

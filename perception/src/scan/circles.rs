@@ -7,7 +7,7 @@
 //!
 //! **Least squares**: minimises Σ(|p−c|−R)²/σ² by Gauss–Newton and, where asked, adds what a scan knows beside its
 //! points: a beam that passes an *edge* which nothing hides is a tangent, so the centre's distance from the last hitting
-//! beam is R − h with h uniform in [0, r·Δα]; and a radius known from before. The inverse normal matrix is the
+//! beam is R − h with h uniform in [0, r·Δα], Δα the angle to the next beam that saw past it; and a radius known from before. The inverse normal matrix is the
 //! covariance of (x, y, R).
 
 use super::points::Point;
@@ -31,12 +31,10 @@ pub struct Circle {
 pub struct Knowledge {
     /// Standard deviation of a range [m].
     pub range_sigma_m: f64,
-    /// Angle between neighbouring beams [rad].
-    pub spacing_rad: f64,
-    /// The first point is the thing's edge: nothing hides what lies before it.
-    pub first_is_edge: bool,
-    /// The last point is the thing's edge.
-    pub last_is_edge: bool,
+    /// The angle clockwise of the first point within which the thing's edge lies; `None` where something may hide it [rad].
+    pub first_edge_rad: Option<f64>,
+    /// The same, counter-clockwise of the last point [rad].
+    pub last_edge_rad: Option<f64>,
     /// Radius from elsewhere and its standard deviation [m].
     pub radius: Option<(f64, f64)>,
 }
@@ -47,10 +45,12 @@ const STRAIGHT: f64 = 1e-3;
 const MOST_POINTS: usize = 32;
 /// Steps of Gauss–Newton.
 const STEPS: usize = 4;
-/// A thing of which nothing is known has about this radius [m] …
-const USUAL_RADIUS_M: f64 = 0.15;
-/// … give or take this [m].
-const USUAL_RADIUS_SIGMA_M: f64 = 0.5;
+/// A thing of which nothing is known has a radius of about this share of what is seen of it …
+const USUAL_SHARE: f64 = 0.6;
+/// … give or take this share …
+const USUAL_SIGMA_SHARE: f64 = 0.5;
+/// … and this [m].
+const USUAL_SIGMA_M: f64 = 0.1;
 /// How far the centre may lie to the side of the points' middle when nothing else says so [m].
 const SIDEWAYS_SIGMA_M: f64 = 0.5;
 /// Circles do not get smaller than this [m].
@@ -64,8 +64,9 @@ pub fn through_three([a, b, c]: [(f64, f64); 3]) -> Option<(f64, f64, f64)> {
     let (q_b, q_c) = (bx * bx + by * by, cx * cx + cy * cy);
     let longest = q_b.max(q_c).max((bx - cx) * (bx - cx) + (by - cy) * (by - cy));
     let cross = bx * cy - by * cx;
-    // Not `<`: a NaN is no circle either.
-    if !(cross.abs() > STRAIGHT * longest) {
+    // Asked this way round, a NaN is no circle either.
+    let bends = cross.abs() > STRAIGHT * longest;
+    if !bends {
         return None;
     }
     let d = 2.0 * cross;
@@ -105,11 +106,14 @@ pub fn least_squares(points: &[Point], known: &Knowledge) -> Option<Circle> {
     let (first, last) = (points.first()?, points.last()?);
     let stride = points.len().div_ceil(MOST_POINTS);
     let near = points[nearest(points)];
-    let (to_left, to_right) = (half_step(last, known), half_step(first, known));
+    let to_left = half_step(last, known.last_edge_rad);
+    let to_right = half_step(first, known.first_edge_rad);
     // The edges' half angle gives a first radius: sin h = R/(d + R).
-    let half_width_m = 0.5 * (math::hypot(last.x_m - first.x_m, last.y_m - first.y_m) + to_left + to_right);
+    let chord_m = math::hypot(last.x_m - first.x_m, last.y_m - first.y_m);
+    let half_width_m = 0.5 * (chord_m + to_left + to_right);
     let sine = (half_width_m / near.range_m).min(0.7);
-    let (usual_m, usual_sigma_m) = known.radius.unwrap_or((USUAL_RADIUS_M, USUAL_RADIUS_SIGMA_M));
+    let usual = (USUAL_SHARE * chord_m + 0.2 * USUAL_SIGMA_M, USUAL_SIGMA_SHARE * chord_m + USUAL_SIGMA_M);
+    let (usual_m, usual_sigma_m) = known.radius.unwrap_or(usual);
     let mut radius_m = if known.radius.is_some() { usual_m } else { near.range_m * sine / (1.0 - sine) };
     // In the middle of what was seen, so far behind the nearest point.
     let middle = points[points.len() / 2];
@@ -122,10 +126,10 @@ pub fn least_squares(points: &[Point], known: &Knowledge) -> Option<Circle> {
         for p in points.iter().step_by(stride) {
             normal.add(radial(p, x_m, y_m, radius_m), weight * stride as f64);
         }
-        if known.last_is_edge {
+        if known.last_edge_rad.is_some() {
             normal.add(tangent(last, -1.0, to_left, x_m, y_m, radius_m), edge_weight(to_left));
         }
-        if known.first_is_edge {
+        if known.first_edge_rad.is_some() {
             normal.add(tangent(first, 1.0, to_right, x_m, y_m, radius_m), edge_weight(to_right));
         }
         normal.add(([0.0, 0.0, 1.0], radius_m - usual_m), 1.0 / (usual_sigma_m * usual_sigma_m));
@@ -172,9 +176,9 @@ pub fn nearest(points: &[Point]) -> usize {
     best
 }
 
-/// Half the way to the neighbouring beam, at the point's range [m].
-fn half_step(p: &Point, known: &Knowledge) -> f64 {
-    0.5 * known.spacing_rad * p.range_m
+/// Half the way to the next beam that saw past the edge, at the point's range; 0 without an edge [m].
+fn half_step(p: &Point, edge_rad: Option<f64>) -> f64 {
+    0.5 * edge_rad.unwrap_or(0.0) * p.range_m
 }
 
 /// The edge lies somewhere between the last beam that hit and the next; a point of it may have been lost.
@@ -221,7 +225,8 @@ impl Normal {
         let (i, j, k) = (d * f - e * e, c * e - b * f, b * e - c * d);
         let det = a * i + b * j + c * k;
         // Relative to the diagonal, so that units do not matter.
-        if !(det > 1e-12 * a * d * f) {
+        let regular = det > 1e-12 * a * d * f;
+        if !regular {
             return None;
         }
         let n = 1.0 / det;
@@ -279,7 +284,7 @@ mod tests {
     }
 
     fn open(range_sigma_m: f64, spacing_rad: f64) -> Knowledge {
-        Knowledge { range_sigma_m, spacing_rad, first_is_edge: true, last_is_edge: true, radius: None }
+        Knowledge { range_sigma_m, first_edge_rad: Some(spacing_rad), last_edge_rad: Some(spacing_rad), radius: None }
     }
 
     #[test]
@@ -316,7 +321,7 @@ mod tests {
         let whole = arc(4.0, 1.0, 0.5, 0.01);
         let mut seed = 7;
         let part = noisy(&whole[10..18], 0.01, &mut seed);
-        let hidden = Knowledge { first_is_edge: false, last_is_edge: false, ..open(0.01, 0.01) };
+        let hidden = Knowledge { first_edge_rad: None, last_edge_rad: None, ..open(0.01, 0.01) };
         let unknown = least_squares(&part, &hidden).unwrap();
         let known = least_squares(&part, &Knowledge { radius: Some((0.5, 0.01)), ..hidden }).unwrap();
         let off = |c: &Circle| math::hypot(c.x_m - 4.0, c.y_m - 1.0);
@@ -339,7 +344,7 @@ mod tests {
                 n += 1.0;
             }
         }
-        ((radius / n as f64).sqrt(), (centre / n).sqrt())
+        ((radius / n).sqrt(), (centre / n).sqrt())
     }
 
     #[test]
@@ -405,7 +410,7 @@ mod tests {
                     Point { x_m, y_m, range_m, u_x: x_m / range_m, u_y: y_m / range_m, ..Point::default() }
                 })
                 .collect();
-            let known = Knowledge { first_is_edge: first, last_is_edge: last, ..open(0.01, 0.006) };
+            let known = Knowledge { first_edge_rad: first.then_some(0.006), last_edge_rad: last.then_some(0.006), ..open(0.01, 0.006) };
             for circle in [three_point(&points, 0.01), least_squares(&points, &known)].into_iter().flatten() {
                 prop_assert!(circle.x_m.is_finite() && circle.y_m.is_finite() && circle.radius_m > 0.0);
                 prop_assert!(circle.covariance[0][0] > 0.0 && circle.covariance[1][1] > 0.0 && circle.covariance[2][2] > 0.0);

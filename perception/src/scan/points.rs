@@ -35,7 +35,9 @@ pub enum Between {
     Nothing,
     /// A beam that saw nothing passed between them.
     Clear,
-    /// Nobody looked between them: the field's edge, another origin, too large an angle.
+    /// So many beams between them failed that they do not belong together.
+    Failed,
+    /// Nobody looked between them: the field's edge, another origin, too large an angle between beams.
     Unseen,
 }
 
@@ -81,7 +83,7 @@ impl Points {
         let stride = beams.len().div_ceil(self.directions.len().max(1)).max(1);
         let count = beams.len() / stride;
         let backwards = count > 1 && beams[stride].bearing_rad < beams[0].bearing_rad;
-        let mut clear = false;
+        let (mut clear, mut failed) = (false, false);
         let mut last: Option<(&Beam, f64)> = None;
         for k in 0..count {
             let index = if backwards { count - 1 - k } else { k } * stride;
@@ -93,30 +95,30 @@ impl Points {
             let range_m = f64::from(beam.range_m);
             let numbers = [beam.bearing_rad, beam.range_m, beam.origin_x_m, beam.origin_y_m, beam.age_s];
             if beam.echo != Echo::Value as u32 || range_m <= 0.0 || !numbers.iter().all(|n| n.is_finite()) {
+                failed = true;
                 continue;
             }
             let bearing_rad = f64::from(beam.bearing_rad);
             let before = match last {
-                None if clear => Between::Clear,
-                None => Between::Unseen,
+                None => nothing_seen(clear, failed),
                 Some((other, at_rad)) => {
                     let gap_rad = bearing_rad - at_rad;
                     let elsewhere = (other.origin_x_m, other.origin_y_m) != (beam.origin_x_m, beam.origin_y_m);
-                    if elsewhere || gap_rad <= 0.0 || gap_rad > self.most_gap_rad {
+                    if elsewhere || gap_rad <= 0.0 {
                         Between::Unseen
-                    } else if clear {
-                        Between::Clear
+                    } else if clear || gap_rad > self.most_gap_rad {
+                        nothing_seen(clear, failed)
                     } else {
                         Between::Nothing
                     }
                 }
             };
             last = Some((beam, bearing_rad));
-            clear = false;
+            (clear, failed) = (false, false);
             let direction = self.direction(k, beam.bearing_rad);
             self.points.push(point(beam, index, &direction, range_m, before, velocity));
         }
-        self.after = if clear { Between::Clear } else { Between::Unseen };
+        self.after = nothing_seen(clear, failed);
         self.look_around(beams, stride, count);
     }
 
@@ -173,6 +175,15 @@ impl Points {
             let near_seam = |b: &Beam| b.echo == Echo::Clear as u32;
             point.before = if near_seam(first) || near_seam(last) { Between::Clear } else { Between::Nothing };
         }
+    }
+}
+
+/// What lies where no point is, by the beams there.
+fn nothing_seen(clear: bool, failed: bool) -> Between {
+    match (clear, failed) {
+        (true, _) => Between::Clear,
+        (false, true) => Between::Failed,
+        (false, false) => Between::Unseen,
     }
 }
 

@@ -4,7 +4,7 @@
 //! between the two beams' unit vectors, so it costs no cosine. C₀ allows for noise and for surfaces that are looked at
 //! askance: at incidence ψ they hold together while r·Δα(1/cos ψ − 1) < C₀. A scan all round is joined at its seam.
 //!
-//! A segment's end is *hidden* where the neighbouring point is nearer, where beams failed, and at the field's edge;
+//! A segment's end is *hidden* where the neighbouring point is nearer, where nobody looked, and at the field's edge;
 //! elsewhere it is the thing's own edge, which tells more about its place than the points do ([`super::circles`]).
 
 use super::circles::{self, Circle, Knowledge};
@@ -83,8 +83,12 @@ impl SegmentsConfig {
     }
 }
 
-/// Inner corners shorter than this may as well be noise [m].
-const CORNER_M: f64 = 0.3;
+/// What is no wider than this is a thing, however straight or bent it looks: two legs, a box [m].
+const THING_M: f64 = 0.7;
+/// A circle that misses the points by more than this share of the chord is none of theirs.
+const ODD_SHARE: f64 = 0.08;
+/// Where beams beside an edge failed, most of them saw nothing to send them back: so many may have been on the thing.
+const FAILED_BEAMS: f64 = 3.0;
 /// A speck's centre is known to half its width and this [m].
 const SPECK_SIGMA_M: f64 = 0.03;
 
@@ -172,16 +176,27 @@ impl Segmenter {
     }
 
     /// What a fit of segment `index` may use beside its points.
-    pub fn knowledge(&self, index: usize) -> Knowledge {
+    fn knowledge(&self, index: usize) -> Knowledge {
         let edges = self.config.fit == Fit::Edges;
-        let segment = &self.segments[index];
-        Knowledge {
-            range_sigma_m: self.config.range_sigma_m,
-            spacing_rad: self.points.spacing_rad(),
-            first_is_edge: edges && segment.first_hidden == 0,
-            last_is_edge: edges && segment.last_hidden == 0,
-            radius: None,
-        }
+        let edge = |edge: Option<f64>| edge.filter(|_| edges);
+        let (first, last) = self.edges(index);
+        let range_sigma_m = self.config.range_sigma_m;
+        Knowledge { range_sigma_m, first_edge_rad: edge(first), last_edge_rad: edge(last), radius: None }
+    }
+
+    /// How far the edges of segment `index` may lie beyond its first and last point [rad]; `None` where they are hidden.
+    fn edges(&self, index: usize) -> (Option<f64>, Option<f64>) {
+        let (begin, end) = self.spans[index];
+        let (all, closed) = (self.points.all(), self.points.closed());
+        let spacing = self.points.spacing_rad();
+        let before = if begin > 0 { all.get(begin - 1) } else { all.last().filter(|_| closed) };
+        let behind = all.get(end).or(if closed { all.first() } else { None });
+        let alone = |between| beyond(between, spacing);
+        let (first, last) = (&all[begin], &all[end - 1]);
+        (
+            before.map_or_else(|| alone(first.before), |other| edge(first, other, first.before, spacing)),
+            behind.map_or_else(|| alone(self.points.after()), |other| edge(last, other, other.before, spacing)),
+        )
     }
 
     /// The circle of segment `index` if its radius is `radius_m`, give or take `sigma_m`.
@@ -191,34 +206,23 @@ impl Segmenter {
         }
         let known = Knowledge { radius: Some((radius_m, sigma_m)), ..self.knowledge(index) };
         let points = self.points_of(index);
-        let refitted = circles::least_squares(points, &known).map(|c| widened(points, c, self.config.range_sigma_m));
+        let refitted = circles::least_squares(points, &known)
+            .map(|circle| widened(circles::residual_m(points, &circle), circle, self.config.range_sigma_m));
         refitted.unwrap_or(self.circles[index])
     }
 
     fn describe(&self, index: usize) -> (Segment, Circle) {
         let points = self.points_of(index);
-        let (begin, end) = self.spans[index];
-        let all = self.points.all();
         let (first, last) = (points[0], points[points.len() - 1]);
         let near = points[circles::nearest(points)];
-        let neighbour = |k: usize| all.get(k).or(if self.points.closed() { all.first() } else { None });
-        let before = if begin > 0 { Some(&all[begin - 1]) } else { all.last().filter(|_| self.points.closed()) };
-        let spacing = self.points.spacing_rad();
-        let first_hidden = match before {
-            Some(other) => hidden(&first, other, first.before, spacing),
-            None => first.before != Between::Clear,
-        };
-        let last_hidden = match neighbour(end) {
-            Some(other) => hidden(&last, other, other.before, spacing),
-            None => self.points.after() != Between::Clear,
-        };
+        let (first_edge, last_edge) = self.edges(index);
         let mut segment = Segment {
             first_beam: first.beam,
             last_beam: last.beam,
             points: points.len() as u32,
             shape: SegmentShape::Straight as u32,
-            first_hidden: u32::from(first_hidden),
-            last_hidden: u32::from(last_hidden),
+            first_hidden: u32::from(first_edge.is_none()),
+            last_hidden: u32::from(last_edge.is_none()),
             first_x_m: first.x_m,
             first_y_m: first.y_m,
             last_x_m: last.x_m,
@@ -227,7 +231,7 @@ impl Segmenter {
             nearest_y_m: near.y_m,
             ..Segment::default()
         };
-        let (shape, circle) = self.circularise(points, first_hidden, last_hidden);
+        let (shape, circle) = self.circularise(points, &self.knowledge(index));
         segment.shape = shape as u32;
         segment.centre_x_m = circle.x_m;
         segment.centre_y_m = circle.y_m;
@@ -237,37 +241,34 @@ impl Segmenter {
         (segment, circle)
     }
 
-    fn circularise(&self, points: &[Point], first_hidden: bool, last_hidden: bool) -> (SegmentShape, Circle) {
+    fn circularise(&self, points: &[Point], known: &Knowledge) -> (SegmentShape, Circle) {
         let config = &self.config;
         let (first, last) = (points[0], points[points.len() - 1]);
         let chord_m = math::hypot(last.x_m - first.x_m, last.y_m - first.y_m);
         let speck = speck(&first, &last, chord_m);
-        if chord_m > 2.0 * config.most_radius_m || opens(points, chord_m) {
+        if chord_m > 2.0 * config.most_radius_m || (chord_m > THING_M && opens(points, chord_m)) {
             return (SegmentShape::Straight, speck);
         }
-        let edges = config.fit == Fit::Edges;
         let fitted = match config.fit {
             Fit::ThreePoint => circles::three_point(points, config.range_sigma_m),
             Fit::LeastSquares if points.len() < 3 => None,
-            Fit::LeastSquares | Fit::Edges => {
-                let known = Knowledge {
-                    range_sigma_m: config.range_sigma_m,
-                    spacing_rad: self.points.spacing_rad(),
-                    first_is_edge: edges && !first_hidden,
-                    last_is_edge: edges && !last_hidden,
-                    radius: None,
-                };
-                circles::least_squares(points, &known)
-            }
+            Fit::LeastSquares | Fit::Edges => circles::least_squares(points, known),
         };
-        match fitted {
-            None => (SegmentShape::Speck, speck),
-            Some(circle) if circle.radius_m > config.most_radius_m => (SegmentShape::Straight, speck),
-            Some(circle) => {
+        let residual = fitted.map(|circle| circles::residual_m(points, &circle));
+        match (fitted, residual) {
+            (Some(circle), _) if circle.radius_m > config.most_radius_m && chord_m > THING_M => {
+                (SegmentShape::Straight, speck)
+            }
+            // Two legs side by side are no circle.
+            (Some(circle), Some(residual_m))
+                if circle.radius_m <= config.most_radius_m
+                    && residual_m < 2.0 * config.range_sigma_m + ODD_SHARE * chord_m =>
+            {
                 let measured = points.len() >= 3 && circle.covariance[2][2].sqrt() < circle.radius_m;
                 let shape = if measured { SegmentShape::Round } else { SegmentShape::Speck };
-                (shape, widened(points, circle, config.range_sigma_m))
+                (shape, widened(residual_m, circle, config.range_sigma_m))
             }
+            _ => (SegmentShape::Speck, speck),
         }
     }
 }
@@ -283,21 +284,31 @@ fn together(a: &Point, b: &Point, noise_m: f64) -> bool {
     dx * dx + dy * dy <= most_m * most_m
 }
 
-/// Whether more of the thing that `end` belongs to may hide towards its neighbour `other`.
-fn hidden(end: &Point, other: &Point, between: Between, spacing_rad: f64) -> bool {
+/// How far the edge of the thing that `end` belongs to may lie beyond it, towards its neighbour `other` [rad]; `None` where
+/// more of the thing may hide behind something nearer, or beyond where anybody looked.
+fn edge(end: &Point, other: &Point, between: Between, spacing_rad: f64) -> Option<f64> {
     match between {
-        Between::Clear => false,
-        Between::Unseen => true,
+        Between::Clear | Between::Failed | Between::Unseen => beyond(between, spacing_rad),
+        // Beams that failed between the two leave the edge anywhere between them; the chord is the angle, nearly.
         Between::Nothing => {
-            let chord = math::hypot(end.u_x - other.u_x, end.u_y - other.u_y);
-            other.range_m < end.range_m || chord > 1.5 * spacing_rad
+            let gap = math::hypot(end.u_x - other.u_x, end.u_y - other.u_y);
+            (other.range_m > end.range_m).then_some(gap.min(FAILED_BEAMS * spacing_rad))
         }
+    }
+}
+
+/// The same where no neighbour is near.
+fn beyond(between: Between, spacing_rad: f64) -> Option<f64> {
+    match between {
+        Between::Clear => Some(spacing_rad),
+        Between::Failed => Some(FAILED_BEAMS * spacing_rad),
+        Between::Nothing | Between::Unseen => None,
     }
 }
 
 /// Whether the points bend away from the sensor in their middle: an inner corner.
 fn opens(points: &[Point], chord_m: f64) -> bool {
-    if chord_m < CORNER_M || points.len() < 3 {
+    if points.len() < 3 {
         return false;
     }
     let (first, middle, last) = (points[0], points[points.len() / 2], points[points.len() - 1]);
@@ -318,8 +329,7 @@ fn speck(first: &Point, last: &Point, chord_m: f64) -> Circle {
 }
 
 /// What does not look like its circle is not known as well as the noise alone would have it.
-fn widened(points: &[Point], circle: Circle, sigma_m: f64) -> Circle {
-    let residual_m = circles::residual_m(points, &circle);
+fn widened(residual_m: f64, circle: Circle, sigma_m: f64) -> Circle {
     let factor = (residual_m / sigma_m).max(1.0);
     let factor = factor * factor;
     Circle { covariance: circle.covariance.map(|row| row.map(|c| factor * c)), ..circle }

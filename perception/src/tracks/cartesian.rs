@@ -29,9 +29,10 @@ impl Cartesian {
         let p = &mut self.covariance;
         let q = acceleration_m_s2 * acceleration_m_s2 * dt_s * dt_s;
         // F·P·Fᵀ in place: first rows, then columns.
-        for r in 0..2 {
-            for c in 0..4 {
-                p[r][c] += dt_s * p[r + 2][c];
+        let (places, rates) = p.split_at_mut(2);
+        for (place, rate) in places.iter_mut().zip(rates) {
+            for (of_place, of_rate) in place.iter_mut().zip(rate) {
+                *of_place += dt_s * *of_rate;
             }
         }
         for row in p.iter_mut() {
@@ -63,8 +64,8 @@ impl Cartesian {
         for r in 0..4 {
             let gain = [p[r][0] * xx + p[r][1] * xy, p[r][0] * xy + p[r][1] * yy];
             self.state[r] += gain[0] * nx + gain[1] * ny;
-            for c in 0..4 {
-                self.covariance[r][c] -= gain[0] * p[0][c] + gain[1] * p[1][c];
+            for (c, entry) in self.covariance[r].iter_mut().enumerate() {
+                *entry -= gain[0] * p[0][c] + gain[1] * p[1][c];
             }
         }
         // Rounding must not pull the two halves apart.

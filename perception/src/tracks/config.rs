@@ -65,7 +65,7 @@ impl Default for TracksConfig {
             gate: 9.21,
             most_jump_m: 1.0,
             least_points: 3,
-            within_m: 15.0,
+            within_m: 30.0,
             confirm_after: 3,
             forget_tentative_s: 0.25,
             forget_visible_s: 0.4,

@@ -7,10 +7,11 @@ use messages::Message;
 use messages::bytemuck::{bytes_of, bytes_of_mut};
 
 use super::call_line::{CallEnd, CallHead, CallLine};
-use super::refusal::Reason;
+use super::refusal::{Reason, Refusal, RefusalCode};
 use super::stage::Shape;
 use super::target::Target;
 use crate::Time;
+use crate::journal::{EntryKind, Note, PolledState};
 
 /// Number of a call, from 1, counted by its caller.
 pub type CallId = u64;
@@ -61,6 +62,7 @@ pub struct Caller<Q, A> {
     cancel: bool,
     /// Layout hash of the progress messages that are wanted; 0: none.
     progress_hash: u64,
+    note: Option<Note>,
     messages: PhantomData<fn(Q) -> A>,
 }
 
@@ -82,7 +84,16 @@ impl<Q: Message, A: Message> Caller<Q, A> {
     /// A caller of `target`, mute until a pump or a simulated host serves it.
     pub fn detached(target: Target) -> Caller<Q, A> {
         let line = Arc::new(CallLine::new(target, Shape::of::<Q>(), Shape::of::<A>()));
-        Caller { line, last: 0, current: None, next: None, cancel: false, progress_hash: 0, messages: PhantomData }
+        Caller {
+            line,
+            last: 0,
+            current: None,
+            next: None,
+            cancel: false,
+            progress_hash: 0,
+            note: None,
+            messages: PhantomData,
+        }
     }
 
     /// The same caller, for an order whose progress messages `P` are wanted. For `open`: it allocates.
@@ -90,6 +101,11 @@ impl<Q: Message, A: Message> Caller<Q, A> {
     pub fn with_progress<P: Message>(mut self) -> Caller<Q, A> {
         self.progress_hash = P::layout_hash();
         self
+    }
+
+    /// Has the calls and what becomes of them written down, or played back.
+    pub(crate) fn noted(&mut self, note: Note) {
+        self.note = Some(note);
     }
 
     pub(crate) fn line(&self) -> &Arc<CallLine> {
@@ -100,6 +116,10 @@ impl<Q: Message, A: Message> Caller<Q, A> {
     /// is cancelled.
     pub fn start(&mut self, now: Time, request: &Q, priority: u8, timeout_s: f64) -> CallId {
         self.last += 1;
+        if let Some(note) = &self.note {
+            let deadline = now.after_s(timeout_s).nanos().to_le_bytes();
+            note.say(EntryKind::Called, &[&self.last.to_le_bytes(), &deadline, &[priority], bytes_of(request)]);
+        }
         let head = CallHead { id: self.last, priority, deadline: now.after_s(timeout_s) };
         self.current = Some(Current { id: head.id, deadline: head.deadline, running: false });
         self.next = Some(Next { head, message: *request });
@@ -111,6 +131,9 @@ impl<Q: Message, A: Message> Caller<Q, A> {
     /// Asks the node to stop what was ordered; `poll` goes on until it has said how it ended.
     pub fn cancel(&mut self) {
         if self.current.is_some() {
+            if let Some(note) = &self.note {
+                note.say(EntryKind::CallCancelled, &[]);
+            }
             self.cancel = true;
             self.hand_over();
         }
@@ -118,6 +141,49 @@ impl<Q: Message, A: Message> Caller<Q, A> {
 
     /// How the call stands at `now`.
     pub fn poll(&mut self, now: Time) -> CallState<A> {
+        let was_running = self.current.is_some_and(|current| current.running);
+        if let Some(note) = self.note.as_ref().filter(|note| note.plays()) {
+            let played = note.played(EntryKind::Polled);
+            return self.play(played.as_deref(), was_running);
+        }
+        let state = self.look(now);
+        if let Some(note) = &self.note {
+            write(note, &state, was_running);
+        }
+        state
+    }
+
+    /// Playback: the call's state as it was then; without an entry it is what it was before.
+    fn play(&mut self, played: Option<&[u8]>, was_running: bool) -> CallState<A> {
+        let Some(current) = &mut self.current else { return CallState::Idle };
+        let Some(([state, code], rest)) = played.and_then(|payload| payload.split_first_chunk::<2>()) else {
+            return if was_running { CallState::Running } else { CallState::Pending };
+        };
+        let reason = || Reason::new(&Refusal::new(RefusalCode::of(*code), String::from_utf8_lossy(rest)));
+        let state = match *state {
+            1 => {
+                current.running = true;
+                return CallState::Running;
+            }
+            2 => {
+                let mut answer = A::zeroed();
+                let bytes = bytes_of_mut(&mut answer);
+                let length = bytes.len().min(rest.len());
+                bytes[..length].copy_from_slice(&rest[..length]);
+                CallState::Answered(answer)
+            }
+            3 => CallState::Refused(reason()),
+            4 => CallState::Failed(reason()),
+            5 => CallState::Cancelled,
+            6 => CallState::Lost(Loss::NotRunning),
+            7 => CallState::Lost(Loss::Died),
+            _ => CallState::TimedOut,
+        };
+        self.current = None;
+        state
+    }
+
+    fn look(&mut self, now: Time) -> CallState<A> {
         self.hand_over();
         let Some(current) = &mut self.current else { return CallState::Idle };
         let mut answer = A::zeroed();
@@ -156,6 +222,26 @@ impl<Q: Message, A: Message> Caller<Q, A> {
     /// The newest progress message of the running order, if one has come since the last time. Needs
     /// [`with_progress`](Caller::with_progress) for the same `P`.
     pub fn progress<P: Message>(&mut self) -> Option<P> {
+        let Some(note) = self.note.clone() else { return self.reported() };
+        if note.plays() {
+            let payload = note.played(EntryKind::Progress)?;
+            let mut progress = P::zeroed();
+            let bytes = bytes_of_mut(&mut progress);
+            if bytes.len() != payload.len() {
+                return None;
+            }
+            bytes.copy_from_slice(&payload);
+            return Some(progress);
+        }
+        let progress = self.reported::<P>();
+        match &progress {
+            Some(progress) => note.say(EntryKind::Progress, &[bytes_of(progress)]),
+            None => note.nothing(EntryKind::Progress),
+        }
+        progress
+    }
+
+    fn reported<P: Message>(&mut self) -> Option<P> {
         let current = self.current?;
         let mut desk = self.line.try_desk()?;
         let news = &mut desk.news;
@@ -174,7 +260,7 @@ impl<Q: Message, A: Message> Caller<Q, A> {
 
     /// Gives the pump what it has not been given yet, unless it is busy with the line: then the next poll does.
     fn hand_over(&mut self) {
-        if self.next.is_none() && !self.cancel {
+        if self.note.as_ref().is_some_and(Note::plays) || (self.next.is_none() && !self.cancel) {
             return;
         }
         let Some(mut desk) = self.line.try_desk() else { return };
@@ -188,5 +274,23 @@ impl<Q: Message, A: Message> Caller<Q, A> {
         }
         drop(desk);
         self.line.wake_pump();
+    }
+}
+
+/// Writes down what a poll said, where it is news.
+fn write<A: Message>(note: &Note, state: &CallState<A>, was_running: bool) {
+    let say = |state: PolledState, code: u8, rest: &[u8]| note.say(EntryKind::Polled, &[&[state as u8, code], rest]);
+    match state {
+        CallState::Idle => {}
+        CallState::Pending => note.nothing(EntryKind::Polled),
+        CallState::Running if was_running => note.nothing(EntryKind::Polled),
+        CallState::Running => say(PolledState::Running, 0, &[]),
+        CallState::Answered(answer) => say(PolledState::Answered, 0, bytes_of(answer)),
+        CallState::Refused(why) => say(PolledState::Refused, why.code as u8, why.as_str().as_bytes()),
+        CallState::Failed(why) => say(PolledState::Failed, why.code as u8, why.as_str().as_bytes()),
+        CallState::Cancelled => say(PolledState::Cancelled, 0, &[]),
+        CallState::Lost(Loss::NotRunning) => say(PolledState::NotRunning, 0, &[]),
+        CallState::Lost(Loss::Died) => say(PolledState::Died, 0, &[]),
+        CallState::TimedOut => say(PolledState::TimedOut, 0, &[]),
     }
 }

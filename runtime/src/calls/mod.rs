@@ -14,6 +14,7 @@ pub mod client;
 mod description;
 mod desk;
 mod local;
+mod open;
 mod order;
 mod outgoing;
 mod port;

@@ -6,14 +6,16 @@ use std::sync::Arc;
 use messages::Message;
 use messages::bytemuck::bytes_of;
 
-use super::port::Open;
+use super::open::Open;
 use super::stage::{Cancellation, CommandKind, End, Sender, Shape, Stage};
 use crate::Time;
+use crate::journal::Note;
 
 /// Long orders `Q` for one command, with progress `P` and result `A`.
 #[derive(Debug)]
 pub struct OrderPort<Q, P, A> {
     stage: Arc<Stage>,
+    note: Option<Note>,
     messages: PhantomData<fn(Q) -> (P, A)>,
 }
 
@@ -21,7 +23,12 @@ impl<Q: Message, P: Message, A: Message> OrderPort<Q, P, A> {
     /// A port for `command`, deaf until a pump or a simulated host serves it.
     pub fn detached(command: &'static str) -> OrderPort<Q, P, A> {
         let stage = Stage::new(command, CommandKind::Order, Shape::of::<Q>(), Some(Shape::of::<P>()), Shape::of::<A>());
-        OrderPort { stage, messages: PhantomData }
+        OrderPort { stage, note: None, messages: PhantomData }
+    }
+
+    /// Has the orders that the step takes written down, or played back.
+    pub(crate) fn noted(&mut self, note: Note) {
+        self.note = Some(note);
     }
 
     pub(crate) fn stage(&self) -> &Arc<Stage> {
@@ -30,14 +37,13 @@ impl<Q: Message, P: Message, A: Message> OrderPort<Q, P, A> {
 
     /// The waiting order of the highest priority, the earliest of these. The node keeps it until it is over.
     pub fn take(&mut self) -> Option<Order<Q, P, A>> {
-        let place = self.stage.take()?;
-        let (message, particulars) = self.stage.read(place);
+        let (message, particulars, open) = Open::take(&self.stage, self.note.as_ref())?;
         Some(Order {
             message,
             sender: particulars.sender,
             priority: particulars.priority,
             deadline: particulars.deadline,
-            open: Some(Open { stage: Arc::clone(&self.stage), place }),
+            open: Some(open),
             messages: PhantomData,
         })
     }
@@ -62,15 +68,14 @@ impl<Q, P: Message, A: Message> Order<Q, P, A> {
     /// Tells the caller that the order is under way.
     pub fn accept(&mut self) {
         if let Some(open) = &self.open {
-            open.stage.accept(open.place);
+            open.accept();
         }
     }
 
     /// Tells the caller how far it is. The newest report counts: one that the caller has not been sent is replaced.
     pub fn progress(&mut self, progress: &P) {
         if let Some(open) = &self.open {
-            // While the pump sends the report before, this one is left out; the next follows soon.
-            let _ = open.stage.report(open.place, bytes_of(progress));
+            open.report(bytes_of(progress));
         }
     }
 
@@ -103,12 +108,12 @@ impl<Q, P, A> Order<Q, P, A> {
 
     /// Why the caller no longer wants it, if so.
     pub fn cancellation(&self) -> Option<Cancellation> {
-        self.open.as_ref().and_then(|open| open.stage.cancellation(open.place))
+        self.open.as_ref().and_then(Open::cancellation)
     }
 
     fn end(&mut self, end: End, body: &[u8]) {
         if let Some(open) = self.open.take() {
-            open.stage.end(open.place, end, body);
+            open.end(end, body);
         }
     }
 }

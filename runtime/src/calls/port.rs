@@ -6,8 +6,10 @@ use std::sync::Arc;
 use messages::Message;
 use messages::bytemuck::bytes_of;
 
+use super::open::Open;
 use super::stage::{Cancellation, CommandKind, End, Sender, Shape, Stage};
 use crate::Time;
+use crate::journal::Note;
 
 /// Requests `Q` for one command, each to be answered with an `A` or refused.
 ///
@@ -15,6 +17,7 @@ use crate::Time;
 #[derive(Debug)]
 pub struct CallPort<Q, A> {
     stage: Arc<Stage>,
+    note: Option<Note>,
     messages: PhantomData<fn(Q) -> A>,
 }
 
@@ -22,7 +25,12 @@ impl<Q: Message, A: Message> CallPort<Q, A> {
     /// A port for `command`, deaf until a pump or a simulated host serves it.
     pub fn detached(command: &'static str) -> CallPort<Q, A> {
         let stage = Stage::new(command, CommandKind::Call, Shape::of::<Q>(), None, Shape::of::<A>());
-        CallPort { stage, messages: PhantomData }
+        CallPort { stage, note: None, messages: PhantomData }
+    }
+
+    /// Has the requests that the step takes written down, or played back.
+    pub(crate) fn noted(&mut self, note: Note) {
+        self.note = Some(note);
     }
 
     pub(crate) fn stage(&self) -> &Arc<Stage> {
@@ -31,14 +39,13 @@ impl<Q: Message, A: Message> CallPort<Q, A> {
 
     /// The waiting request of the highest priority, the earliest of these.
     pub fn take(&mut self) -> Option<Request<Q>> {
-        let place = self.stage.take()?;
-        let (message, particulars) = self.stage.read(place);
+        let (message, particulars, open) = Open::take(&self.stage, self.note.as_ref())?;
         Some(Request {
             message,
             sender: particulars.sender,
             priority: particulars.priority,
             deadline: particulars.deadline,
-            open: Some(Open { stage: Arc::clone(&self.stage), place }),
+            open: Some(open),
         })
     }
 
@@ -67,13 +74,6 @@ pub struct Request<Q> {
     open: Option<Open>,
 }
 
-/// A place in a stage that the step holds.
-#[derive(Debug)]
-pub(super) struct Open {
-    pub stage: Arc<Stage>,
-    pub place: usize,
-}
-
 impl<Q> Request<Q> {
     /// Whether the caller has cancelled or gone.
     pub fn is_cancelled(&self) -> bool {
@@ -82,12 +82,12 @@ impl<Q> Request<Q> {
 
     /// Why the caller no longer wants an answer, if so.
     pub fn cancellation(&self) -> Option<Cancellation> {
-        self.open.as_ref().and_then(|open| open.stage.cancellation(open.place))
+        self.open.as_ref().and_then(Open::cancellation)
     }
 
     fn end(&mut self, end: End, body: &[u8]) {
         if let Some(open) = self.open.take() {
-            open.stage.end(open.place, end, body);
+            open.end(end, body);
         }
     }
 }

@@ -44,6 +44,11 @@ impl RefusalCode {
         RefusalCode::TooManyCallers,
         RefusalCode::DuplicateId,
     ];
+
+    /// The code with this number; an unknown one is the node's own.
+    pub(crate) fn of(number: u8) -> RefusalCode {
+        RefusalCode::ALL.into_iter().find(|code| *code as u8 == number).unwrap_or(RefusalCode::ByNode)
+    }
 }
 
 /// Why a call was not done.

@@ -4,6 +4,7 @@ use super::atomic::{AtomicU64, Ordering};
 use super::image::Image;
 use super::layout::at;
 use super::ring::{self, Whole};
+use super::sample::RawSample;
 use super::succession::Start;
 
 /// What became of a sample.
@@ -86,6 +87,25 @@ impl RawWriter {
             Death::BeforeHead => {}
             Death::BeforeWake => ring::show::<Whole>(self.image.word(at::HEAD), sequence),
         }
+    }
+
+    /// Publishes a sample of another channel under its own number and generation: for playing recordings. Numbers that
+    /// are passed over count as overtaken, so that nobody takes a sample that was not recorded for one that never was.
+    /// The number must not be one that was given already; then nothing is done.
+    pub fn place(&mut self, sample: &RawSample, fixed: &[u8], tail: &[u8]) -> bool {
+        if sample.sequence < self.next {
+            return false;
+        }
+        let slots = self.image.shape.slot_count as u64;
+        for missing in self.next.max(sample.sequence.saturating_sub(slots)).max(1)..sample.sequence {
+            let slot = self.image.slot(missing);
+            slot[ring::MARK].store((missing + slots).wrapping_mul(2), Ordering::Relaxed);
+        }
+        self.next = sample.sequence;
+        self.generation = sample.generation;
+        self.image.word(at::GENERATION).store(sample.generation, Ordering::Relaxed);
+        self.publish(sample.stamp_ns, fixed, tail);
+        true
     }
 
     /// Which writer of the channel this is: 1 is the first, each restart counts one up.

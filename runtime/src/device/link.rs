@@ -168,7 +168,7 @@ impl LinkWord {
 }
 
 /// The low two bits say which, the rest holds the reason's index, the error number or the generation.
-fn pack(link: DeviceLink) -> u64 {
+pub(super) fn pack(link: DeviceLink) -> u64 {
     match link {
         DeviceLink::Opening => OPENING,
         DeviceLink::Open { generation } => generation << 2 | OPEN,
@@ -180,7 +180,7 @@ fn pack(link: DeviceLink) -> u64 {
     }
 }
 
-fn unpack(word: u64) -> DeviceLink {
+pub(super) fn unpack(word: u64) -> DeviceLink {
     let value = word >> 2;
     match word & 3 {
         OPENING => DeviceLink::Opening,

@@ -21,6 +21,7 @@ pub use memory::{Direction, MemoryLink, MemoryLinks};
 pub(crate) use wire::{Side, Wire};
 
 use crate::Time;
+use crate::journal::{EntryKind, Note};
 
 /// Why bytes were not sent. None of them was.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
@@ -41,6 +42,8 @@ pub enum DeviceError {
 pub struct Device {
     back: Back,
     arrived: Time,
+    /// Where its bytes are written down, or played back from.
+    note: Option<Note>,
 }
 
 #[derive(Debug)]
@@ -61,11 +64,20 @@ impl Device {
     }
 
     fn live(address: Address, side: Side) -> Device {
-        Device { back: Back::Live(Arc::new(Wire::new(address, side))), arrived: Time::ZERO }
+        Device { back: Back::Live(Arc::new(Wire::new(address, side))), arrived: Time::ZERO, note: None }
     }
 
     pub(crate) fn memory(end: memory::End) -> Device {
-        Device { back: Back::Memory(end), arrived: Time::ZERO }
+        Device { back: Back::Memory(end), arrived: Time::ZERO, note: None }
+    }
+
+    /// Has everything that passes between the device and the step written down, or played back.
+    pub(crate) fn noted(&mut self, note: Note) {
+        self.note = Some(note);
+    }
+
+    fn played(&self) -> Option<&Note> {
+        self.note.as_ref().filter(|note| note.plays())
     }
 
     pub(crate) fn wire(&self) -> Option<&Arc<Wire>> {
@@ -77,6 +89,17 @@ impl Device {
 
     /// Moves the bytes that have come into `buffer`, oldest first, and gives how many: 0 when there is nothing now.
     pub fn receive(&mut self, buffer: &mut [u8]) -> usize {
+        if let Some(note) = self.note.as_ref().filter(|note| note.plays()) {
+            return note.played_bytes(buffer, &mut self.arrived);
+        }
+        let count = self.take(buffer);
+        if let Some(note) = &self.note {
+            note.received(self.arrived, &buffer[..count]);
+        }
+        count
+    }
+
+    fn take(&mut self, buffer: &mut [u8]) -> usize {
         match &self.back {
             Back::Live(wire) => {
                 let arrived = Time::from_nanos(wire.arrived_ns.load(Ordering::Acquire));
@@ -92,6 +115,23 @@ impl Device {
 
     /// Sends all of `bytes`, or none and says why. Never waits.
     pub fn send(&mut self, bytes: &[u8]) -> Result<(), DeviceError> {
+        let Some(note) = &self.note else { return self.put(bytes) };
+        let sent = match note.plays() {
+            true => note.played(EntryKind::SendFailed).map_or(Ok(()), |payload| Err(error_of(&payload))),
+            false => {
+                let sent = self.put(bytes);
+                match sent {
+                    Ok(()) => note.nothing(EntryKind::SendFailed),
+                    Err(error) => note.say(EntryKind::SendFailed, &[&word_of(error).to_le_bytes()]),
+                }
+                sent
+            }
+        };
+        note.say(EntryKind::Sent, &[bytes]);
+        sent
+    }
+
+    fn put(&self, bytes: &[u8]) -> Result<(), DeviceError> {
         match &self.back {
             Back::Live(wire) => wire.send(bytes),
             Back::Memory(end) => end.send(bytes),
@@ -100,6 +140,16 @@ impl Device {
 
     /// State of the link.
     pub fn link(&self) -> DeviceLink {
+        let Some(note) = &self.note else { return self.state() };
+        if note.plays() {
+            return link::unpack(note.played_link(link::pack(DeviceLink::Closed { why: WhyClosed::NotStarted })));
+        }
+        let link = self.state();
+        note.link(link::pack(link));
+        link
+    }
+
+    fn state(&self) -> DeviceLink {
         match &self.back {
             Back::Live(wire) => wire.link.get(),
             Back::Memory(end) => end.link(),
@@ -108,6 +158,12 @@ impl Device {
 
     /// Drops the link and opens it anew, for a device that has lost its mind.
     pub fn reopen(&mut self) {
+        if let Some(note) = &self.note {
+            note.say(EntryKind::Reopened, &[]);
+        }
+        if self.played().is_some() {
+            return;
+        }
         match &self.back {
             Back::Live(wire) => {
                 wire.reopen.store(true, Ordering::Release);
@@ -120,6 +176,12 @@ impl Device {
     /// Sets the line's rate [baud]. Bytes that the kernel still holds go out at the new rate: leave them time.
     /// A later link begins at the address's rate again.
     pub fn set_baud(&mut self, baud: u32) {
+        if let Some(note) = &self.note {
+            note.say(EntryKind::Baud, &[&baud.to_le_bytes()]);
+        }
+        if self.played().is_some() {
+            return;
+        }
         match &self.back {
             Back::Live(wire) => {
                 wire.baud.store(baud, Ordering::Release);
@@ -145,7 +207,7 @@ impl Device {
     /// The state of the link in the words of an operator's console: where, what or why, what to do. Allocates: not for
     /// a step.
     pub fn explain(&self) -> String {
-        match (&self.back, self.link()) {
+        match (&self.back, self.state()) {
             (Back::Live(wire), link) => wire.explain(link),
             (Back::Memory(end), DeviceLink::Closed { why }) => why.explain(end.address()),
             (Back::Memory(end), _) => format!("device {}: open", end.address()),
@@ -172,5 +234,25 @@ impl Device {
             Back::Live(_) => None,
             Back::Memory(end) => end.next_arrival(after),
         }
+    }
+}
+
+/// All ones: the line was full.
+const FULL: u64 = u64::MAX;
+
+fn word_of(error: DeviceError) -> u64 {
+    match error {
+        DeviceError::Closed(why) => link::pack(DeviceLink::Closed { why }),
+        DeviceError::Opening => link::pack(DeviceLink::Opening),
+        DeviceError::Full => FULL,
+    }
+}
+
+fn error_of(payload: &[u8]) -> DeviceError {
+    let word = payload.first_chunk().map_or(FULL, |bytes| u64::from_le_bytes(*bytes));
+    match (word, link::unpack(word)) {
+        (FULL, _) | (_, DeviceLink::Open { .. }) => DeviceError::Full,
+        (_, DeviceLink::Opening) => DeviceError::Opening,
+        (_, DeviceLink::Closed { why }) => DeviceError::Closed(why),
     }
 }

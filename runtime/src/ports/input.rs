@@ -5,12 +5,14 @@ use crate::node::OpenError;
 use crate::path;
 use crate::robot::ReadWire;
 use crate::time::Time;
-use messages::InputCursor;
+use messages::{InputCursor, path_number};
 use std::cell::{Cell, RefCell};
 
 /// A path that the port may read, and how far it has been read.
 pub(crate) struct Source {
     pub(crate) path: String,
+    /// Number of the path in step records.
+    number: u32,
     pub(crate) ring: Option<RawReader>,
     /// Newest sequence number when the step began; 0 for none.
     frozen: u64,
@@ -26,7 +28,16 @@ pub(crate) struct Source {
 
 impl Source {
     fn new(path: String) -> Source {
-        Source { path, ring: None, frozen: 0, generation: 0, read_to: 0, released: 0, fresh_since: None }
+        Source {
+            number: path_number(&path),
+            path,
+            ring: None,
+            frozen: 0,
+            generation: 0,
+            read_to: 0,
+            released: 0,
+            fresh_since: None,
+        }
     }
 
     fn open(&mut self, tree: &Tree, expect: &Expect) -> Result<(), OpenError> {
@@ -177,6 +188,7 @@ impl Input {
 
     /// Fixes what the coming step can see, and picks the candidate.
     pub(crate) fn freeze(&self, now: Time) {
+        self.lost.set(false);
         let mut sources = self.sources.borrow_mut();
         for source in sources.iter_mut() {
             if let Some(ring) = &source.ring {
@@ -197,6 +209,7 @@ impl Input {
                 source.frozen > 0
                     && ring
                         .stamp(source.frozen)
+                        .map_err(|error| self.miss(error))
                         .is_ok_and(|sample| now.nanos_since(Time::from_nanos(sample.stamp_ns)) <= wire.max_age_ns)
             });
             source.fresh_since = if fresh { source.fresh_since.or(Some(now)) } else { None };
@@ -269,7 +282,8 @@ impl Input {
         let ring = source.ring.as_ref()?;
         while source.read_to < source.frozen {
             let wanted = source.read_to + 1;
-            let oldest = ring.oldest();
+            // By what was frozen, not by what has come since: a replay of the step must find the same.
+            let oldest = oldest_of(ring, source.frozen);
             if wanted < oldest {
                 self.dropped.set(self.dropped.get() + (oldest.min(source.frozen + 1) - wanted));
                 source.read_to = oldest.min(source.frozen + 1) - 1;
@@ -294,8 +308,19 @@ impl Input {
     pub(crate) fn read_at(&self, time: Time, buffer: &mut SampleBuffer) -> Option<RawSample> {
         let sources = self.sources.borrow();
         let source = sources.get(self.current.get())?;
-        let sequence = source.ring.as_ref()?.at_or_before(time.nanos(), source.frozen)?;
-        self.read_back_from(source, sequence, buffer)
+        let ring = source.ring.as_ref()?;
+        let mut sequence = source.frozen;
+        while sequence >= oldest_of(ring, source.frozen) && sequence > 0 {
+            match ring.stamp(sequence) {
+                Ok(sample) if sample.stamp_ns <= time.nanos() => break,
+                Ok(_) | Err(ReadError::Unfinished | ReadError::NotYet) => sequence -= 1,
+                Err(error) => {
+                    self.miss(error);
+                    return None;
+                }
+            }
+        }
+        (sequence >= oldest_of(ring, source.frozen)).then(|| self.read_back_from(source, sequence, buffer))?
     }
 
     /// Reads the frozen sample `sequence`.
@@ -305,14 +330,21 @@ impl Input {
         if sequence == 0 || sequence > source.frozen {
             return None;
         }
-        source.ring.as_ref()?.read(sequence, buffer).ok()
+        source.ring.as_ref()?.read(sequence, buffer).map_err(|error| self.miss(error)).ok()
+    }
+
+    /// Remembers that the step saw less than was there when it began.
+    fn miss(&self, error: ReadError) {
+        if error == ReadError::Overrun {
+            self.lost.set(true);
+        }
     }
 
     /// Range of sequence numbers that a step can read: oldest kept, newest frozen.
     pub(crate) fn window(&self) -> (u64, u64) {
         let sources = self.sources.borrow();
         let Some(source) = sources.get(self.current.get()) else { return (1, 0) };
-        (source.ring.as_ref().map_or(1, RawReader::oldest), source.frozen)
+        (source.ring.as_ref().map_or(1, |ring| oldest_of(ring, source.frozen)), source.frozen)
     }
 
     /// The writer's generation when the step began.
@@ -322,8 +354,14 @@ impl Input {
 
     /// Reports where each source stood when the step began.
     pub(crate) fn cursors(&self, port: u32, mut each: impl FnMut(InputCursor)) {
-        for (index, source) in self.sources.borrow().iter().enumerate() {
-            each(InputCursor { port, source: index as u32, generation: source.generation, sequence: source.frozen });
+        for source in self.sources.borrow().iter() {
+            each(InputCursor {
+                port,
+                source: source.number,
+                generation: source.generation,
+                sequence: source.frozen,
+                read_to: source.read_to,
+            });
         }
     }
 
@@ -331,6 +369,48 @@ impl Input {
     pub(crate) fn newest_stamp_ns(&self) -> u64 {
         let sources = self.sources.borrow();
         let Some(source) = sources.get(self.current.get()) else { return 0 };
-        source.ring.as_ref().and_then(|ring| ring.stamp(source.frozen).ok()).map_or(0, |sample| sample.stamp_ns)
+        if source.frozen == 0 {
+            return 0;
+        }
+        let stamp = source.ring.as_ref().map(|ring| ring.stamp(source.frozen));
+        stamp.and_then(|stamp| stamp.map_err(|error| self.miss(error)).ok()).map_or(0, |sample| sample.stamp_ns)
     }
+
+    /// Fixes what the coming step can see to what a recorded step saw.
+    pub(crate) fn freeze_as(
+        &self,
+        now: Time,
+        tree: &Tree,
+        recorded: &[(String, InputCursor)],
+    ) -> Result<(), OpenError> {
+        self.lost.set(false);
+        let mut sources = self.sources.borrow_mut();
+        if !sources.iter().map(|source| &source.path).eq(recorded.iter().map(|(path, _)| path)) {
+            let mut old = std::mem::take(&mut *sources);
+            for (path, _) in recorded {
+                let known = old.iter().position(|source| source.path == *path);
+                sources.push(known.map_or_else(|| Source::new(path.clone()), |index| old.swap_remove(index)));
+            }
+        }
+        for (source, (_, cursor)) in sources.iter_mut().zip(recorded) {
+            if source.ring.is_none() {
+                source.open(tree, &self.expect)?;
+                if let Some(ring) = &source.ring {
+                    self.fit(ring.geometry());
+                }
+            }
+            source.frozen = cursor.sequence;
+            source.generation = cursor.generation;
+            source.read_to = cursor.read_to;
+        }
+        if !self.is_set && sources.len() > 1 {
+            self.pick_candidate(&mut sources, now);
+        }
+        Ok(())
+    }
+}
+
+/// Oldest of the samples that the ring promises when `frozen` is the newest.
+fn oldest_of(ring: &RawReader, frozen: u64) -> u64 {
+    frozen.saturating_sub(ring.geometry().depth as u64 - 1).max(1)
 }

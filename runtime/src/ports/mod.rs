@@ -16,12 +16,13 @@ pub(crate) use writer::Output;
 use crate::calls::{CallPort, Caller, OrderPort, Target};
 use crate::channel::{Claim, Expect, Geometry, Tree};
 use crate::device::{Address, Device, Direction, MemoryLink, MemoryLinks};
+use crate::journal::{Journal, Note};
 use crate::node::{AnyNode, OpenError};
 use crate::path;
 use crate::pump::PumpBuilder;
 use crate::robot::{Body, NodeSpec, Resources, Robot};
 use crate::time::Time;
-use messages::Message;
+use messages::{InputCursor, Message, path_number};
 use std::cell::Cell;
 use std::rc::Rc;
 
@@ -87,7 +88,16 @@ pub struct Ports {
     /// The memory links that bring bytes to this node, and which way.
     pub(crate) incoming: Vec<(MemoryLink, Direction)>,
     pub(crate) pump: PumpBuilder,
+    /// Where what the node hears and tells otherwise is written down, if it is.
+    journal: Option<Journal>,
+    /// Devices, commands and callers so far: their numbers in the journal.
+    counts: [usize; 3],
 }
+
+/// Places in [`Ports::counts`].
+const DEVICES: usize = 0;
+const COMMANDS: usize = 1;
+const CALLERS: usize = 2;
 
 impl Ports {
     /// Ports for `spec` of `robot`. `seed` is the run's; each node gets its own from it.
@@ -104,7 +114,26 @@ impl Ports {
             place,
             incoming: Vec::new(),
             pump: PumpBuilder::new(&spec.path()),
+            journal: None,
+            counts: [0; 3],
         }
+    }
+
+    /// Has what the node hears and tells otherwise than by samples written down, or played back.
+    pub(crate) fn set_journal(&mut self, journal: Journal) {
+        self.journal = Some(journal);
+    }
+
+    /// The place in the journal of the next port of this kind.
+    fn note(&mut self, kind: usize) -> Option<Note> {
+        let number = self.counts[kind];
+        self.counts[kind] += 1;
+        self.journal.as_ref().map(|journal| journal.note(number))
+    }
+
+    /// Whether the node hears anything otherwise than by samples, and whether a device is among it.
+    pub(crate) fn event_sources(&self) -> Option<bool> {
+        self.counts.iter().any(|count| *count > 0).then_some(self.counts[DEVICES] > 0)
     }
 
     /// A port that reads the path (or the candidates) that the robot file gives it.
@@ -177,7 +206,7 @@ impl Ports {
         tail_capacity: usize,
     ) -> Result<Writer<M>, OpenError> {
         self.declare::<M>(port, PortKind::Write)?;
-        let output = Rc::new(Output::new::<M>(&self.spec, port, tail_capacity));
+        let output = Rc::new(Output::new::<M>(&self.spec, port, tail_capacity, None));
         self.outputs.push(output.clone());
         Ok(Writer::new(output))
     }
@@ -187,14 +216,14 @@ impl Ports {
     pub fn device(&mut self, address: &str) -> Result<Device, OpenError> {
         let parsed = parse_address(address)?;
         let twin = self.spec.instance.clone();
-        let device = match (&self.place, parsed) {
+        let mut device = match (&self.place, parsed) {
             (Devices::Memory(links), Address::Memory { name, baud }) => links.client(&name, baud),
             (Devices::Memory(links), Address::Serial { baud, .. }) => links.client(&twin, Some(baud)),
             (Devices::Memory(links), _) => links.client(&twin, None),
             (Devices::Live(root), Address::Simulator) => Device::detached(twin_address(root, &twin)),
             (_, parsed) => Device::detached(parsed),
         };
-        self.declare_device(address, false, &device);
+        self.declare_device(address, false, &mut device);
         Ok(device)
     }
 
@@ -202,18 +231,21 @@ impl Ports {
     /// driver's "simulator" address leads.
     pub fn serve_device(&mut self, twin: &str, address: Option<&str>) -> Result<Device, OpenError> {
         let parsed = address.map(parse_address).transpose()?.filter(|a| *a != Address::Simulator);
-        let device = match (&self.place, parsed) {
+        let mut device = match (&self.place, parsed) {
             (Devices::Memory(links), Some(Address::Memory { name, baud })) => links.server(&name, baud),
             (Devices::Memory(links), _) => links.server(twin, None),
             (Devices::Live(root), None) => Device::detached_server(twin_address(root, twin)),
             (_, Some(parsed)) => Device::detached_server(parsed),
             (Devices::Declared, None) => Device::detached_server(Address::Simulator),
         };
-        self.declare_device(&format!("simulator:{twin}"), true, &device);
+        self.declare_device(&format!("simulator:{twin}"), true, &mut device);
         Ok(device)
     }
 
-    fn declare_device(&mut self, address: &str, serves: bool, device: &Device) {
+    fn declare_device(&mut self, address: &str, serves: bool, device: &mut Device) {
+        if let Some(note) = self.note(DEVICES) {
+            device.noted(note);
+        }
         self.declared.push(Declaration {
             port: "device",
             kind: PortKind::Device(address.to_owned(), serves),
@@ -225,14 +257,17 @@ impl Ports {
         {
             self.incoming.push((link, if serves { Direction::ToServer } else { Direction::ToClient }));
         } else {
-            self.pump.attach(device);
+            self.pump.attach(&*device);
         }
     }
 
     /// A command that this node answers in its steps.
     pub fn call<Q: Message, A: Message>(&mut self, command: &'static str) -> Result<CallPort<Q, A>, OpenError> {
         self.declare::<Q>(command, PortKind::Command)?;
-        let port = CallPort::detached(command);
+        let mut port = CallPort::detached(command);
+        if let Some(note) = self.note(COMMANDS) {
+            port.noted(note);
+        }
         self.pump.attach(&port);
         Ok(port)
     }
@@ -243,7 +278,10 @@ impl Ports {
         command: &'static str,
     ) -> Result<OrderPort<Q, P, A>, OpenError> {
         self.declare::<Q>(command, PortKind::Command)?;
-        let port = OrderPort::detached(command);
+        let mut port = OrderPort::detached(command);
+        if let Some(note) = self.note(COMMANDS) {
+            port.noted(note);
+        }
         self.pump.attach(&port);
         Ok(port)
     }
@@ -256,7 +294,10 @@ impl Ports {
             return Err(OpenError::port(port, reason));
         };
         self.declare::<Q>(port, PortKind::Caller)?;
-        let caller = Caller::detached(Target { path, command });
+        let mut caller = Caller::detached(Target { path, command });
+        if let Some(note) = self.note(CALLERS) {
+            caller.noted(note);
+        }
         self.pump.attach(&caller);
         Ok(caller)
     }
@@ -297,8 +338,13 @@ impl Ports {
     }
 
     /// Adds a path that the runtime itself writes in the node's name.
-    pub(crate) fn own_writer<M: Message>(&mut self, port: &'static str, tail_capacity: usize) -> Writer<M> {
-        let output = Rc::new(Output::new::<M>(&self.spec, port, tail_capacity));
+    pub(crate) fn own_writer<M: Message>(
+        &mut self,
+        port: &'static str,
+        tail_capacity: usize,
+        depth: usize,
+    ) -> Writer<M> {
+        let output = Rc::new(Output::new::<M>(&self.spec, port, tail_capacity, Some(depth)));
         self.outputs.push(output.clone());
         Writer::new(output)
     }
@@ -309,6 +355,20 @@ impl Ports {
         let config = self.spec.config.clone();
         let node = open(&mut self, config)?;
         Ok((node, self))
+    }
+
+    /// Fixes what a step at `now` can see to what a recorded step saw: per source of each port its path and cursor.
+    pub(crate) fn freeze_as(
+        &self,
+        now: Time,
+        tree: &Tree,
+        sources: &[Vec<(String, InputCursor)>],
+    ) -> Result<(), OpenError> {
+        self.now.set(now);
+        for (input, sources) in self.inputs.iter().zip(sources) {
+            input.freeze_as(now, tree, sources)?;
+        }
+        Ok(())
     }
 
     /// Takes the written paths and opens the read ones.
@@ -337,14 +397,23 @@ impl Ports {
 }
 
 impl Output {
-    fn new<M: Message>(spec: &NodeSpec, port: &'static str, tail_capacity: usize) -> Output {
+    /// `own_depth` is that of a path of the runtime's own.
+    fn new<M: Message>(spec: &NodeSpec, port: &'static str, tail_capacity: usize, own_depth: Option<usize>) -> Output {
         let schema = M::schema();
         let tail_element_bytes = if M::HAS_TAIL { size_of::<M::Tail>() } else { 0 };
         let tail_capacity = if M::HAS_TAIL { tail_capacity } else { 0 };
         let sample_bytes = size_of::<M>() + tail_element_bytes * tail_capacity + 64;
-        let depth = spec.depth.get(port).copied().unwrap_or_else(|| DEPTH.min((RING_BYTES / sample_bytes).max(4)));
+        let depth = spec
+            .depth
+            .get(port)
+            .copied()
+            .or(own_depth)
+            .unwrap_or_else(|| DEPTH.min((RING_BYTES / sample_bytes).max(4)));
+        let path = spec.port_path(port);
         Output {
-            path: spec.port_path(port),
+            number: path_number(&path),
+            by_runtime: own_depth.is_some(),
+            path,
             geometry: Geometry {
                 type_name: M::NAME.into(),
                 layout_hash: schema.hash(),

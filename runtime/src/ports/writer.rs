@@ -11,6 +11,10 @@ use std::rc::Rc;
 /// A written port without its type.
 pub(crate) struct Output {
     pub(crate) path: String,
+    /// Number of the path in step records.
+    pub(crate) number: u32,
+    /// The runtime's own, beside the node's.
+    pub(crate) by_runtime: bool,
     pub(crate) geometry: Geometry,
     pub(crate) writer: RefCell<Option<RawWriter>>,
     /// Samples whose tail was longer than the channel's capacity.
@@ -26,6 +30,15 @@ impl Output {
             .map_err(|e| OpenError::Port { port: self.path.clone(), reason: e.to_string() })?;
         *self.writer.borrow_mut() = Some(writer);
         Ok(())
+    }
+}
+
+impl Output {
+    /// Generation and newest number of the node's own written port.
+    pub(crate) fn position(&self) -> Option<(u64, u64)> {
+        let writer = self.writer.borrow();
+        let writer = writer.as_ref().filter(|_| !self.by_runtime)?;
+        Some((writer.generation(), writer.next_sequence() - 1))
     }
 }
 

@@ -18,9 +18,32 @@ pub struct RobotFile {
     /// What to ask of the kernel.
     #[serde(default)]
     pub realtime: RealtimeTable,
+    /// Records every run of the robot.
+    #[serde(default)]
+    pub record: Option<RecordTable>,
     /// The nodes by instance name; the name is the second part of every path that the node writes.
     #[serde(default)]
     pub nodes: BTreeMap<String, NodeTable>,
+}
+
+/// What of a run is recorded, and where to.
+#[derive(Debug, Clone, PartialEq, Eq, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct RecordTable {
+    /// Folder of the recordings, relative to where `sinew run` is started; they are named after robot and time.
+    pub folder: String,
+    /// One file instead, which must not exist yet.
+    pub file: Option<String>,
+    /// Paths, folders or patterns to record; all when empty.
+    pub paths: Vec<String>,
+    /// Publish what every step of every node reads, so that the nodes can be replayed.
+    pub inputs: bool,
+}
+
+impl Default for RecordTable {
+    fn default() -> RecordTable {
+        RecordTable { folder: "recordings".into(), file: None, paths: Vec::new(), inputs: true }
+    }
 }
 
 /// Who the robot is.

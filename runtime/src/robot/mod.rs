@@ -9,9 +9,9 @@ mod spec;
 mod wiring;
 
 pub use error::{RobotError, nearest_advice};
-pub use file::{Body, Missed, RealtimeTable, Restart, RobotFile, Scheduler};
+pub use file::{Body, Missed, RealtimeTable, RecordTable, Restart, RobotFile, Scheduler};
 pub use resources::{Embedded, Resources};
 pub use schema::json_schema;
 pub use spec::{NodeSpec, Override, ReadWire, Robot};
 pub use wiring::{Declared, Graph, GraphEdge, GraphNode};
-pub(crate) use wiring::{INPUTS_CAPACITY, open_declared};
+pub(crate) use wiring::{open_declared, open_replayed};

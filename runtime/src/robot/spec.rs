@@ -1,7 +1,7 @@
 //! A robot file after reading: names checked, node types looked up, times in nanoseconds, nodes in flow order.
 
 use super::error::{RobotError, nearest_advice};
-use super::file::{Body, Missed, NodeTable, RealtimeTable, Restart, RobotFile};
+use super::file::{Body, Missed, NodeTable, RealtimeTable, RecordTable, Restart, RobotFile};
 use super::locate::{locate, value_at};
 use super::resources::Resources;
 use crate::node::NodeType;
@@ -25,6 +25,8 @@ pub struct Robot {
     pub body: Body,
     /// What to ask of the kernel.
     pub realtime: RealtimeTable,
+    /// Whether its runs are recorded, and how.
+    pub record: Option<RecordTable>,
     /// Its nodes in flow order: by layer, then by name.
     pub nodes: Vec<NodeSpec>,
 }
@@ -124,7 +126,10 @@ impl Robot {
         if !errors.is_empty() {
             return Err(errors);
         }
-        let RobotFile { robot, body, realtime, .. } = written;
+        let RobotFile { robot, body, realtime, record, .. } = written;
+        if record.as_ref().is_some_and(|record| record.inputs) {
+            nodes.iter_mut().for_each(|node| node.record_inputs = true);
+        }
         Ok(Robot {
             name: robot.name,
             description: robot.description,
@@ -133,6 +138,7 @@ impl Robot {
             resources,
             body,
             realtime,
+            record,
             nodes,
         })
     }

@@ -4,11 +4,13 @@ use super::error::{RobotError, nearest_advice};
 use super::spec::Robot;
 use crate::channel::Geometry;
 use crate::host::Opened;
+use crate::journal::Journal;
 use crate::node::OpenError;
 use crate::path::{self, Layer};
 use crate::ports::{Declaration, Devices, PortKind, Ports};
+use crate::record::{INPUTS_CAPACITY, Record};
 use crate::robot::NodeSpec;
-use messages::{NodeStatistics, StepInputs};
+use messages::NodeStatistics;
 
 /// A robot whose nodes have been opened and whose wires have been checked.
 #[derive(Debug, Clone)]
@@ -58,16 +60,33 @@ pub struct GraphEdge {
 
 /// Where the runtime publishes how a node kept time.
 pub(crate) const STATISTICS: &str = "statistics";
-/// Where the runtime publishes what each step read.
-pub(crate) const INPUTS: &str = "inputs";
-/// Input sources that a step record can hold.
-pub(crate) const INPUTS_CAPACITY: usize = 64;
+/// A minute of them.
+const STATISTICS_DEPTH: usize = 64;
+/// Opens the node's ports as they were when it was recorded, with a journal that plays back.
+pub(crate) fn open_replayed(
+    robot: &Robot,
+    spec: &NodeSpec,
+    seed: u64,
+    place: Devices,
+    journal: Journal,
+) -> Result<Opened, OpenError> {
+    let mut ports = Ports::new(robot, spec, seed, place);
+    ports.set_journal(journal);
+    let (node, mut ports) = ports.open_node()?;
+    let statistics = ports.own_writer::<NodeStatistics>(STATISTICS, 0, STATISTICS_DEPTH);
+    Ok(Opened { node, ports, statistics, record: None })
+}
 
 /// Opens the node's ports with what the runtime adds.
 pub(crate) fn open_declared(robot: &Robot, spec: &NodeSpec, seed: u64, place: Devices) -> Result<Opened, OpenError> {
-    let (node, mut ports) = Ports::new(robot, spec, seed, place).open_node()?;
-    let statistics = ports.own_writer::<NodeStatistics>(STATISTICS, 0);
-    let record = spec.record_inputs.then(|| ports.own_writer::<StepInputs>(INPUTS, INPUTS_CAPACITY));
+    let mut ports = Ports::new(robot, spec, seed, place);
+    let journal = spec.record_inputs.then(Journal::recording);
+    if let Some(journal) = &journal {
+        ports.set_journal(journal.clone());
+    }
+    let (node, mut ports) = ports.open_node()?;
+    let statistics = ports.own_writer::<NodeStatistics>(STATISTICS, 0, STATISTICS_DEPTH);
+    let record = journal.map(|journal| Record::declare(&mut ports, journal));
     Ok(Opened { node, ports, statistics, record })
 }
 

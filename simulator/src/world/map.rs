@@ -197,6 +197,33 @@ impl Map {
         }
         best
     }
+
+    /// Hands the nearest point of every surface within `within_m` of `place`, as seen from there, to `each`. A surface
+    /// that lies in several cells may come more than once.
+    pub fn near(&self, place: Point, within_m: f64, mut each: impl FnMut(Point)) {
+        let grid = &self.grid;
+        let mut offer = |to: Point| {
+            if to.dot(to) <= within_m * within_m {
+                each(to);
+            }
+        };
+        for row in grid.row(place.y_m - within_m)..=grid.row(place.y_m + within_m) {
+            for column in grid.column(place.x_m - within_m)..=grid.column(place.x_m + within_m) {
+                for entry in grid.cell(column, row) {
+                    match entry {
+                        Entry::Segment(k) => offer(self.segments[k].nearest_to(place) - place),
+                        Entry::Circle(k) => {
+                            let to = self.circles[k].centre - place;
+                            let away_m = to.norm();
+                            let share =
+                                if away_m > 0.0 { (1.0 - self.circles[k].radius_m / away_m).max(0.0) } else { 0.0 };
+                            offer(to * share);
+                        }
+                    }
+                }
+            }
+        }
+    }
 }
 
 /// Box around the part of a cone between two distances.

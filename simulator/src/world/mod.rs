@@ -11,6 +11,7 @@ mod error;
 mod file;
 mod grid;
 mod image;
+mod made;
 mod map;
 mod person;
 mod rays;
@@ -78,6 +79,9 @@ impl World {
             Some((file, choice)) => (file, Some(choice)),
             None => (name, None),
         };
+        if let Some(made) = made::world(name) {
+            return Ok(made?.finish());
+        }
         let bytes = load(file)
             .map_err(|why| WorldError::of_file(file, format!("cannot be read: {why}"), "correct the name"))?;
         let mut sketch = Sketch::default();

@@ -4,13 +4,17 @@ mod channel;
 mod idle;
 mod machine;
 mod markdown;
+mod perception;
 mod placement;
 mod process;
+mod record;
 mod reflex;
 mod report;
 mod scratch;
 mod simulate;
+mod simulator;
 mod timing;
+mod tracking;
 mod witness;
 
 use crate::exit::{Failure, USAGE};
@@ -19,7 +23,7 @@ use report::Report;
 use runtime::NodeType;
 use std::path::PathBuf;
 
-/// Measures this machine: channels, idle nodes, the reflex path, the speed of simulation
+/// Measures this machine: channels, idle nodes, the reflex path, the speed of simulation, the cost of recording
 #[derive(Debug, clap::Args)]
 pub struct Args {
     #[command(subcommand)]
@@ -36,7 +40,10 @@ pub struct Args {
     /// Replaces the figures of these benches in this document
     #[arg(long, global = true, value_name = "FILE")]
     markdown: Option<PathBuf>,
-    /// How long idle and reflex measure, as in 20s
+    /// Folder of the data that perception and tracking want, with leg-tracker/, csail/, dynabarn/ in it
+    #[arg(long, global = true, value_name = "DIR")]
+    data: Option<PathBuf>,
+    /// How long idle, reflex and record measure, as in 20s
     #[arg(long = "for", global = true, value_name = "TIME")]
     length: Option<String>,
 }
@@ -51,17 +58,30 @@ enum What {
     Reflex,
     /// The whole robot on virtual time, on one core
     Simulate,
+    /// From a scan to segments, circles and tracks
+    Perception,
+    /// Swarms and whole robots on virtual time: speed, memory and growth, beside IR-SIM where it is installed
+    Simulator,
+    /// How well moving cylinders and people's legs are tracked, by each way of tracking
+    Tracking,
+    /// What recording a live robot with 5 MB/s costs, and whether its control becomes later by it
+    Record,
     /// All of them, one after another, as without a word
     All,
     /// The answering process of `channel`
     #[command(hide = true)]
     Partner(channel::partner::Args),
+    /// One row of `simulator`
+    #[command(hide = true)]
+    SimulatorRow(simulator::row::Args),
 }
 
 /// Time that idle nodes are watched [s].
 const IDLE_S: f64 = 10.0;
 /// Time that the reflex is measured [s].
 const REFLEX_S: f64 = 20.0;
+/// Time that is recorded [s].
+const RECORD_S: f64 = 20.0;
 /// Runs the bench and prints what it found.
 pub fn run(args: Args, types: &[NodeType]) -> Result<(), Failure> {
     let length_s = args.length.as_deref().map(parse_seconds).transpose();
@@ -75,13 +95,22 @@ pub fn run(args: Args, types: &[NodeType]) -> Result<(), Failure> {
     let reflex_s = if matches!(what, What::All) { 2.0 * REFLEX_S } else { REFLEX_S };
     let reflex = || reflex::run(robot, length_s.unwrap_or(reflex_s * part), types);
     let simulate = || simulate::run(robot, part, types);
+    let perception = || perception::run(args.data.as_deref(), part);
+    let simulator = || simulator::run(part);
+    let tracking = || tracking::run(args.data.as_deref(), part);
+    let record = || record::run(robot, length_s.unwrap_or(RECORD_S * part.max(0.2)), types);
     let benches: Vec<&dyn Fn() -> Result<Report, Failure>> = match &what {
         What::Channel => vec![&channel],
         What::Idle => vec![&idle],
         What::Reflex => vec![&reflex],
         What::Simulate => vec![&simulate],
-        What::All => vec![&channel, &idle, &reflex, &simulate],
+        What::Perception => vec![&perception],
+        What::Simulator => vec![&simulator],
+        What::Tracking => vec![&tracking],
+        What::Record => vec![&record],
+        What::All => vec![&channel, &idle, &reflex, &simulate, &simulator, &record],
         What::Partner(partner) => return channel::partner::run(partner),
+        What::SimulatorRow(row) => return simulator::row::run(row, types),
     };
     let mut out = Out::stdout();
     let mut reports = Vec::new();
