@@ -25,7 +25,7 @@ fn judge(run: &Run) -> bool {
 #[test]
 fn no_fault_makes_the_robot_touch_anything_or_lets_an_emergency_stop_go() {
     let jobs = std::thread::available_parallelism().map_or(1, usize::from);
-    let runs = run_all(&pioneer(&[]), 0..500, 60.0, Some(FaultRates::CHAOS), jobs, &|_| {}).unwrap();
+    let runs = run_all(&pioneer(&[]), 0..500, 60.0, Some(FaultRates::CHAOS), jobs, &|_| None, &|_| {}).unwrap();
     let failing: Vec<u64> = runs.iter().filter(|run| !judge(run)).map(|run| run.result.seed).collect();
     assert_eq!(failing, [] as [u64; 0], "each replays exactly: sinew simulate --seeds N..N+1 --faults chaos");
     let sum = |of: fn(&sinew::simulation::FaultResult) -> u64| {
@@ -45,7 +45,7 @@ fn the_same_missions_without_a_stop_zone_do_touch_things() {
         ("nodes.steer_clear.period_ms", "1000"),
         ("nodes.steer_clear.trigger", "[]"),
     ];
-    let runs = run_all(&pioneer(&blind), 0..10, 60.0, Some(FaultRates::CHAOS), 2, &|_| {}).unwrap();
+    let runs = run_all(&pioneer(&blind), 0..10, 60.0, Some(FaultRates::CHAOS), 2, &|_| None, &|_| {}).unwrap();
     assert!(runs.iter().any(|run| run.result.contacts_caused > 0));
 }
 
