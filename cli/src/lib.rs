@@ -8,6 +8,7 @@
 //! }
 //! ```
 
+pub mod batch;
 pub mod built_in;
 mod commands;
 pub mod exit;

@@ -1,6 +1,6 @@
 //! Runs of a whole robot in the simulated host: one run per seed, spread over the cores, results in order of seeds.
 
-use messages::{Beam, FreeSectors, Message, Ranges, Truth, bytemuck};
+use messages::{Beam, FreeSectors, Message, NodeStatistics, Ranges, Truth, bytemuck};
 use runtime::channel::{Expect, RawReader, SampleBuffer};
 use runtime::robot::Robot;
 use runtime::{Layer, OpenError, SimulatedHost, Time, clock};
@@ -48,6 +48,16 @@ pub struct Run {
     pub track: Vec<TrackPoint>,
     /// The moment of the greatest force, if an action offers forces.
     pub moment: Option<Moment>,
+    /// How each node kept time, by its path.
+    pub nodes: Vec<(String, NodeStatistics)>,
+}
+
+impl Run {
+    /// A run of which only the track is known.
+    pub fn of_track(seed: u64, track: Vec<TrackPoint>) -> Run {
+        let result = RunResult { seed, ..total(&[], 0.0) };
+        Run { result, contacts: [0; 3], track, moment: None, nodes: Vec::new() }
+    }
 }
 
 /// What the robot saw and felt at one moment.
@@ -80,9 +90,16 @@ pub fn run(robot: &Robot, seed: u64, seconds: f64) -> Result<Run, OpenError> {
         host.run_until(host.now().after_s(SLICE_S).min(end));
         watch.collect();
     }
+    let nodes = node_statistics(&host);
     host.stop();
     let spent_s = clock::now().since(started).max(1e-9);
-    Ok(watch.finish(seed, seconds, spent_s))
+    Ok(Run { nodes, ..watch.finish(seed, seconds, spent_s) })
+}
+
+/// How the nodes that live kept time.
+fn node_statistics(host: &SimulatedHost) -> Vec<(String, NodeStatistics)> {
+    let nodes = host.robot().nodes.iter().enumerate();
+    nodes.filter_map(|(index, node)| Some((node.path(), host.statistics(index)?))).collect()
 }
 
 /// Runs for every seed of `seeds` on `jobs` threads; `done` is called after each with the number finished so far.
@@ -278,6 +295,7 @@ impl Watch {
             contacts: last.contacts,
             track: self.track,
             moment: self.moment,
+            nodes: Vec::new(),
         }
     }
 }
@@ -288,7 +306,7 @@ fn expected<M: Message>() -> Expect {
 
 /// FNV-1a over 64 bits.
 #[derive(Debug, Clone, Copy)]
-struct Fnv(u64);
+pub struct Fnv(u64);
 
 impl Default for Fnv {
     fn default() -> Fnv {
@@ -297,13 +315,15 @@ impl Default for Fnv {
 }
 
 impl Fnv {
-    fn add(&mut self, bytes: &[u8]) {
+    /// Takes more bytes in.
+    pub fn add(&mut self, bytes: &[u8]) {
         for byte in bytes {
             self.0 = (self.0 ^ u64::from(*byte)).wrapping_mul(0x0000_0100_0000_01b3);
         }
     }
 
-    fn text(self) -> String {
+    /// As sixteen digits.
+    pub fn text(self) -> String {
         format!("{:016x}", self.0)
     }
 }

@@ -4,6 +4,7 @@ pub mod bench;
 mod call;
 mod cat;
 mod check;
+mod compare;
 mod doctor;
 mod down;
 mod drive;
@@ -41,6 +42,8 @@ enum Command {
     Run(run::Args),
     #[command(after_help = help::SIMULATE)]
     Simulate(simulate::Args),
+    #[command(after_help = help::COMPARE)]
+    Compare(compare::Args),
     #[command(after_help = help::DRIVE)]
     Drive(drive::Args),
     #[command(after_help = help::GOTO)]
@@ -98,6 +101,7 @@ fn dispatch(command: Command, types: &[NodeType]) -> Result<(), Failure> {
     match command {
         Command::Run(args) => run::run(args, types),
         Command::Simulate(args) => simulate::run(args, types),
+        Command::Compare(args) => compare::run(&args),
         Command::Drive(args) => drive::run(args, types),
         Command::Goto(args) => goto::run(args),
         Command::Mode(args) => mode::run(args, types),

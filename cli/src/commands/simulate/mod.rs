@@ -1,5 +1,7 @@
 //! `sinew simulate`: whole robots on virtual time, a run per seed.
 
+mod batch;
+
 use crate::exit::{CHECK, Failure, USAGE};
 use crate::load::{self, Changes};
 use crate::simulation::{self, Run, RunResult};
@@ -29,6 +31,8 @@ pub struct Args {
     #[arg(long, value_name = "FILE")]
     svg: Option<PathBuf>,
     #[command(flatten)]
+    batch: batch::Options,
+    #[command(flatten)]
     changes: Changes,
 }
 
@@ -49,6 +53,10 @@ pub fn run(args: Args, types: &[NodeType]) -> Result<(), Failure> {
         return Err(Failure::new(CHECK, text));
     }
     let jobs = args.jobs.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, usize::from));
+    if args.batch.wanted() {
+        let simulate = |seed: u64, seconds: f64| simulation::run(&robot, seed, seconds);
+        return batch::run(&args, &robot, seeds, seconds, jobs, &simulate);
+    }
     let count = seeds.end - seeds.start;
     let progress = std::io::stderr().is_terminal() && count > 1;
     let runs = simulation::run_all(&robot, seeds, seconds, jobs, &|done| {
