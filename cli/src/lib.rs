@@ -9,6 +9,7 @@
 //! ```
 
 mod admission;
+pub mod batch;
 pub mod built_in;
 mod commands;
 pub mod exit;

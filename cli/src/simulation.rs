@@ -2,7 +2,7 @@
 
 use crate::exit::Failure;
 use drivers::p2os::protocol::STOP_PACKETS;
-use messages::{Beam, Command, FreeSectors, Message, Ranges, Truth, bytemuck};
+use messages::{Beam, Command, FreeSectors, Message, NodeStatistics, Ranges, Truth, bytemuck};
 use runtime::channel::{Expect, RawReader, SampleBuffer};
 use runtime::robot::Robot;
 use runtime::{Layer, OpenError, SimulatedHost, Time, clock};
@@ -104,6 +104,16 @@ pub struct Run {
     /// The moment of the greatest force, if an action offers forces.
     pub moment: Option<Moment>,
     moved_while_stopped: u64,
+    /// How each node kept time, by its path.
+    pub nodes: Vec<(String, NodeStatistics)>,
+}
+
+impl Run {
+    /// A run of which only the track is known.
+    pub fn of_track(seed: u64, track: Vec<TrackPoint>) -> Run {
+        let result = RunResult { seed, ..total(&[], 0.0) };
+        Run { result, contacts: [0; 3], track, moment: None, nodes: Vec::new(), moved_while_stopped: 0 }
+    }
 }
 
 /// What the robot saw and felt at one moment.
@@ -181,10 +191,17 @@ fn run_slices(
         }
         watch.collect(None);
     }
+    let nodes = node_statistics(&host);
     host.stop();
     look(&host);
     let spent_s = clock::now().since(started).max(1e-9);
-    Ok(watch.finish(seed, seconds, spent_s))
+    Ok(Run { nodes, ..watch.finish(seed, seconds, spent_s) })
+}
+
+/// How the nodes that live kept time.
+fn node_statistics(host: &SimulatedHost) -> Vec<(String, NodeStatistics)> {
+    let nodes = host.robot().nodes.iter().enumerate();
+    nodes.filter_map(|(index, node)| Some((node.path(), host.statistics(index)?))).collect()
 }
 
 /// One run under the supervisor's policy, with faults at these rates.
@@ -456,6 +473,7 @@ impl Watch {
             contacts: last.contacts,
             track: self.track,
             moment: self.moment,
+            nodes: Vec::new(),
         }
     }
 }
@@ -467,7 +485,7 @@ pub(crate) fn expected<M: Message>() -> Expect {
 
 /// FNV-1a over 64 bits.
 #[derive(Debug, Clone, Copy)]
-struct Fnv(u64);
+pub struct Fnv(u64);
 
 impl Default for Fnv {
     fn default() -> Fnv {
@@ -476,13 +494,15 @@ impl Default for Fnv {
 }
 
 impl Fnv {
-    fn add(&mut self, bytes: &[u8]) {
+    /// Takes more bytes in.
+    pub fn add(&mut self, bytes: &[u8]) {
         for byte in bytes {
             self.0 = (self.0 ^ u64::from(*byte)).wrapping_mul(0x0000_0100_0000_01b3);
         }
     }
 
-    fn text(self) -> String {
+    /// As sixteen digits.
+    pub fn text(self) -> String {
         format!("{:016x}", self.0)
     }
 }

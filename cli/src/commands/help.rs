@@ -10,7 +10,7 @@ const GROUPS: [(&str, &[&str]); 5] = [
         "Run a robot",
         &[
             "run", "drive", "goto", "mode", "down", "estop", "reset", "resume", "start", "stop", "restart", "simulate",
-            "barn",
+            "compare", "barn",
         ],
     ),
     ("Look at a running robot", &["top", "incidents", "ls", "cat", "hz", "logs", "call"]),
@@ -78,11 +78,16 @@ Examples:
   sinew simulate --seeds 0..100 --for 300s         a hundred runs of the built-in Pioneer
   sinew simulate robots/pioneer --seeds 7..8 --svg run.svg    draws run 7
   sinew simulate --seeds 7..8 --record run.mcap    records run 7, for `sinew replay`
+  sinew simulate --world office:7 --seeds 0..100   in an office made from seed 7 (also corridors, rooms, cave)
+  sinew simulate --seeds 0..1000 --scenario mission.toml --csv a.csv --report a.html
+                                                   a batch of missions; --resume goes on after Ctrl-C
 
 JSON (--json):
   {\"runs\": [{seed, contacts_caused, contacts_suffered, distance_m, least_clearance_m, mean_speed_m_s,
              realtime_factor, hash}], \"total\": {the same keys}}
   The same seed gives the same hash, on any machine.
+  With --scenario, --csv or --report: {missions: [{seed, success, failure, time_s, goals, …}], wanted, finished,
+  succeeded, figures: [{metric, unit, mean, deviation, quantiles}]}; a failed mission's exit code is 4.
 
 Exit code 4 when the robot caused a contact.";
 
@@ -100,6 +105,14 @@ JSON (--json):
 
 Start, goal, limits and score are the challenge's; the robot is the whole stack in the simulated host, in planar
 kinematics: these figures are no leaderboard scores.";
+pub const COMPARE: &str = "\
+Examples:
+  sinew simulate --seeds 0..200 --csv a.csv
+  sinew simulate --seeds 0..200 --set nodes.forward.config.speed_m_s=0.2 --csv b.csv
+  sinew compare a.csv b.csv       what the change does, with 95 % confidence intervals
+
+JSON (--json): {seeds, unpaired, identical, success, success_interval, only, p,
+  metrics: [{metric, unit, mean, difference, interval, significant}]}";
 
 pub const DRIVE: &str = "\
 Examples:

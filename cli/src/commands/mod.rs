@@ -6,6 +6,7 @@ mod call;
 mod cat;
 mod chaos;
 mod check;
+mod compare;
 mod doctor;
 mod down;
 mod drive;
@@ -53,6 +54,8 @@ enum Command {
     Run(run::Args),
     #[command(after_help = help::SIMULATE)]
     Simulate(simulate::Args),
+    #[command(after_help = help::COMPARE)]
+    Compare(compare::Args),
     #[command(after_help = help::BARN)]
     Barn(barn::Args),
     #[command(after_help = help::DRIVE)]
@@ -146,6 +149,7 @@ fn dispatch(command: Command, types: &[NodeType]) -> Result<(), Failure> {
     match command {
         Command::Run(args) => run::run(args, types),
         Command::Simulate(args) => simulate::run(args, types),
+        Command::Compare(args) => compare::run(&args),
         Command::Barn(args) => barn::run(args, types),
         Command::Drive(args) => drive::run(args, types),
         Command::Goto(args) => goto::run(args),

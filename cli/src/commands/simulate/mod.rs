@@ -1,5 +1,7 @@
 //! `sinew simulate`: whole robots on virtual time, a run per seed.
 
+mod batch;
+
 use crate::exit::{CHECK, Failure, USAGE};
 use crate::load::{self, Changes};
 use crate::simulation::{self, FaultResult, Run, RunResult};
@@ -36,6 +38,8 @@ pub struct Args {
     #[arg(long, value_name = "FILE", conflicts_with = "faults")]
     record: Option<PathBuf>,
     #[command(flatten)]
+    batch: batch::Options,
+    #[command(flatten)]
     changes: Changes,
 }
 
@@ -57,6 +61,10 @@ pub fn run(args: Args, types: &[NodeType]) -> Result<(), Failure> {
     }
     let faults = args.faults.as_deref().map(parse_faults).transpose()?;
     let jobs = args.jobs.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, usize::from));
+    if args.batch.wanted() {
+        let simulate = |seed: u64, seconds: f64| simulation::run(&robot, seed, seconds, faults);
+        return batch::run(&args, &robot, seeds, seconds, jobs, &simulate);
+    }
     let count = seeds.end - seeds.start;
     let progress = std::io::stderr().is_terminal() && count > 1;
     let several = count > 1;
