@@ -11,7 +11,7 @@ use crate::beats::{BEATS_PER_LIMIT, BeatWatch};
 use crate::care::{Care, Supervision};
 use crate::claim::Claim;
 use crate::host::Host;
-use crate::host_tree::{InTree, LOOK_S};
+use crate::host_tree::InTree;
 use crate::leftovers;
 use crate::observer::{Guarded, StopCause};
 use crate::plan::Plan;
@@ -89,7 +89,8 @@ pub fn supervise(plan: Plan) -> Result<(), SuperviseError> {
         inside: Some(InTree {
             beats: BeatWatch::new(&tree.table, &lines, clock::now()),
             witnesses: Witnesses::start(),
-            next_look: clock::now().after_s(LOOK_S),
+            // At once: the guard and others wait for the first beat.
+            next_look: clock::now(),
             latch_seen: if takeovers == 0 { guard::Word::default() } else { tree.latch.word() },
             takeovers,
             log_folder: log_folder.map(ToOwned::to_owned),
