@@ -8,6 +8,7 @@
 //! }
 //! ```
 
+mod admission;
 pub mod built_in;
 mod commands;
 pub mod exit;

@@ -4,6 +4,7 @@ pub mod arbiter;
 pub mod arbitration;
 pub mod opinion;
 pub mod priority;
+pub mod response;
 pub mod weighted;
 
 use runtime::NodeType;

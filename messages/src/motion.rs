@@ -154,12 +154,12 @@ pub enum Stop {
     Stall = 5,
     /// The base is not ready (link lost, motors off).
     Base = 6,
+    /// The stop latch does not allow motion.
+    Latch = 9,
     /// The supervisor holds the robot.
     Held = 7,
     /// Limp mode: the speed is limited.
     Limp = 8,
-    /// The stop latch does not allow motion.
-    Latch = 9,
 }
 
 /// What motion made of the wanted velocity, and why.

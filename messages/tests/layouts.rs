@@ -121,8 +121,9 @@ fn the_names_in_the_schemas_are_those_of_the_enums() {
     let encoding = [Encoding::Mono8, Encoding::Rgb8, Encoding::Bgr8, Encoding::Yuyv, Encoding::Jpeg];
     check::<messages::Image, _>("encoding", encoding, |encoding| encoding as u64);
     check::<messages::Axis, _>("wish", [Wish::Abstain, Wish::Exact, Wish::Word], |wish| wish as u64);
-    let stop = [Stop::None, Stop::StaleVelocity, Stop::Blind, Stop::Zone, Stop::Bumper, Stop::Stall, Stop::Base];
-    let stop = stop.into_iter().chain([Stop::Held, Stop::Limp, Stop::Latch]);
+    let stop =
+        [Stop::None, Stop::StaleVelocity, Stop::Blind, Stop::Zone, Stop::Bumper, Stop::Stall, Stop::Base, Stop::Latch];
+    let stop = stop.into_iter().chain([Stop::Held, Stop::Limp]);
     check::<messages::MotionState, _>("stop", stop, |stop| stop as u64);
     check::<messages::Contact, _>("cause", [Drove, ReversedBlind, Suffered], |cause| cause as u64);
 

@@ -166,8 +166,8 @@ impl Node for Drive {
         let surroundings = Surroundings { points, seen };
         let moves = self.latch.allows_motion();
         let decided = self.safe.decide(now, dt_s, wanted.filter(|_| moves), base.as_ref(), &surroundings);
-        let explained = explain(decided, asked, restrained);
-        let state = if moves { explained } else { self.safe.halt(explained) };
+        let decided = explain(decided, asked, restrained);
+        let state = if moves { decided } else { self.safe.halt(decided) };
         let command = Command {
             velocity: state.sent,
             valid_for_s: self.config.command_valid_s,

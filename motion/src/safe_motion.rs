@@ -71,16 +71,16 @@ impl SafeMotion {
         self.sent
     }
 
+    /// From an obstacle's appearance to the wheels' first slowing, as of now [s].
+    pub fn reckon_with(&mut self, delay_s: f64) {
+        self.zone.braking.delay_s = delay_s;
+    }
+
     /// The body stands at once, whatever the ramps say: the stop latch does not allow motion. What `decide` told before
     /// it becomes what is sent now.
     pub fn halt(&mut self, state: MotionState) -> MotionState {
         self.sent = Velocity::ZERO;
         MotionState { sent: Twist::default(), stop: Stop::Latch as u32, ..state }
-    }
-
-    /// From an obstacle's appearance to the wheels' first slowing, as of now [s].
-    pub fn reckon_with(&mut self, delay_s: f64) {
-        self.zone.braking.delay_s = delay_s;
     }
 
     /// What to send at `now`, `dt_s` after the last time. `wanted` and `base` are `None` when there is nothing fresh;

@@ -95,3 +95,13 @@ impl fmt::Display for Grants {
         Ok(())
     }
 }
+
+/// Shifts the real-time priority of every thread of process `pid` by `by`; threads that are gone or have none are left
+/// out.
+pub fn shift_priorities(pid: i32, by: i32) {
+    let tasks = std::fs::read_dir(format!("/proc/{pid}/task")).into_iter().flatten().flatten();
+    for tid in tasks.filter_map(|entry| entry.file_name().to_str()?.parse().ok()) {
+        // One that ended meanwhile needs no priority; one that may not be raised goes on as it is.
+        let _ = sys::shift_fifo(tid, by);
+    }
+}

@@ -63,12 +63,12 @@ pub struct SimulatedHost {
     slots: Vec<Slot>,
     /// For each node the nodes that its samples may release.
     listeners: Vec<Vec<usize>>,
+    /// Nodes that died in mid-step, and when.
+    deaths: VecDeque<(usize, Time)>,
     /// The stop latch, as the host was told.
     latch: Rc<Cell<Word>>,
     /// What dead nodes have left their successors.
     keepsakes: Vec<Keepsake>,
-    /// Nodes that died in mid-step, and when.
-    deaths: VecDeque<(usize, Time)>,
 }
 
 /// One node's place; the node itself may be dead.
@@ -131,9 +131,9 @@ impl SimulatedHost {
             now: start,
             slots: Vec::new(),
             listeners: Vec::new(),
+            deaths: VecDeque::new(),
             latch: Rc::default(),
             keepsakes: robot.nodes.iter().map(|_| Keepsake::default()).collect(),
-            deaths: VecDeque::new(),
         };
         host.links.set_now(start);
         for (index, spec) in robot.nodes.iter().enumerate() {

@@ -250,3 +250,54 @@ proptest::proptest! {
         let _ = parse(&GOOD[..cut]);
     }
 }
+
+/// Errors of the good robot with this added to its end.
+fn care_errors(addition: &str) -> String {
+    let text = format!("{GOOD}\n{addition}\n");
+    match Robot::parse(&text, "robot.toml", Resources::Folder(".".into()), TYPES) {
+        Ok(_) => String::new(),
+        Err(errors) => errors.iter().map(|e| format!("{e}\n")).collect(),
+    }
+}
+
+#[test]
+fn care_that_contradicts_itself_is_refused_with_where_why_and_what_to_do() {
+    let limp = "[limp]\nactions = [\"turn\"]\nmax_speed_m_s = 0.1\n";
+    for (addition, why) in [
+        ("[nodes.turn.care]\nloss = \"limp\"", "asks for limp mode, which this robot has not"),
+        ("[nodes.turn.care]\nloss = \"stop\"\nclear = \"recovered\"", "never ends by itself"),
+        ("[nodes.turn.care]\nmissed_low = 5\nmissed_high = 3", "comes no sooner than"),
+        ("[nodes.turn.care]\nrestart_when_silent = true", "nothing says when the node is silent"),
+        ("[nodes.turn.care]\nfresh_ms = { velocity = 0.0 }", "must lie between 1 and"),
+        ("[nodes.turn.care]\nlosss = \"hold\"", "unknown key"),
+        ("[limp]\nactions = [\"fly\"]\nmax_speed_m_s = 0.1", "there is no node \"fly\""),
+        ("[limp]\nactions = []\nmax_speed_m_s = 9.0", "not slower than the body's"),
+        ("[[supervision.groups]]\nnodes = [\"turn\"]\nstrategy = \"one_for_all\"", "fewer than two nodes"),
+        ("[[supervision.groups]]\nnodes = [\"turn\", \"turn\"]\nstrategy = \"one_for_all\"", "named twice"),
+        (
+            "[[supervision.reactions]]\nwhen = \"death\"\ndo = [\"notify\"]\notherwise = [{ restart = \"turn\" }]",
+            "a fallback restarts nothing",
+        ),
+        ("[[supervision.reactions]]\nwhen = \"death\"\ncode = 3\ndo = [\"notify\"]", "does not wait for a raised one"),
+        ("[[supervision.reactions]]\nwhen = \"death\"\ndo = []", "does nothing"),
+    ] {
+        let errors = care_errors(addition);
+        assert!(errors.contains(why), "{addition}\n{errors}");
+    }
+    let sound = "[nodes.turn.care]\nloss = \"limp\"\nstandby = true\nfresh_ms = { velocity = 300 }\n[[supervision.reactions]]\n\
+        node = \"turn\"\nwhen = \"missed_low\"\ndo = [\"heal\", { wait_ms = 5.0 }, { execute = [\"true\"] }, { rung = \"hold\" }]\nclear = \"reset\"";
+    assert_eq!(care_errors(&format!("{limp}{sound}")), "");
+}
+
+#[test]
+fn an_elastic_period_has_two_bounds_in_order() {
+    let period = |written: &str| {
+        let text = GOOD.replacen("period_ms = 100", &format!("period_ms = {written}"), 1);
+        assert_ne!(text, GOOD);
+        Robot::parse(&text, "robot.toml", Resources::Folder(".".into()), TYPES)
+    };
+    let robot = period("{ min = 50, max = 200 }").unwrap();
+    assert!(robot.nodes.iter().any(|n| (n.period_ns, n.longest_period_ns) == (Some(50_000_000), Some(200_000_000))));
+    assert!(period("{ min = 200, max = 50 }").unwrap_err()[0].to_string().contains("swap min and max"));
+    assert!(period("{ min = 200, most = 50 }").unwrap_err()[0].to_string().contains("most"));
+}

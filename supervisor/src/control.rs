@@ -21,6 +21,10 @@ use crate::owner::{RUN_FOLDER, owner};
 const MOST_CONNECTIONS: usize = 16;
 /// After the end of the supervisor the rest of the tree is gone within milliseconds [s].
 const LEAVES_WITHIN_S: f64 = 0.5;
+/// No request is longer.
+const LONGEST_REQUEST_BYTES: usize = 256;
+const UNKNOWN: &str =
+    r#"{"error":"unknown request; known are: down, status, start NODE, stop NODE, restart NODE, clear"}"#;
 /// No answer is longer.
 const LONGEST_ANSWER_BYTES: usize = 128 << 10;
 
@@ -85,8 +89,8 @@ impl Control {
         std::iter::once(&self.listener).chain(&self.connections).map(AsFd::as_fd)
     }
 
-    /// Serves whoever has something to say; `status` is the answer to `status`. True: somebody said `down`.
-    pub fn serve(&mut self, status: &str) -> bool {
+    /// Serves whoever has something to say; `status` is the answer to `status`, `answer_other` has the others. True: somebody said `down`.
+    pub fn serve(&mut self, status: &str, answer_other: &mut dyn FnMut(&str) -> Option<String>) -> bool {
         while let Ok(connection) = net::accept_with(&self.listener, SocketFlags::CLOEXEC | SocketFlags::NONBLOCK) {
             if self.connections.len() < MOST_CONNECTIONS && is_trusted(&connection) {
                 self.connections.push(connection);
@@ -94,13 +98,14 @@ impl Control {
         }
         let mut down = false;
         self.connections.retain(|connection| {
-            let mut word = [0_u8; 64];
+            let mut word = [0_u8; LONGEST_REQUEST_BYTES];
             let length = match net::recv(connection, &mut word, RecvFlags::DONTWAIT) {
                 Ok((_, length)) => length,
                 Err(Errno::AGAIN | Errno::INTR) => return true,
                 Err(_) => return false,
             };
             // An empty packet is the end of the connection.
+            let other;
             let answer = match word.get(..length) {
                 None | Some(b"") => return false,
                 Some(b"down") => {
@@ -108,7 +113,11 @@ impl Control {
                     r#"{"ok":true}"#
                 }
                 Some(b"status") => status,
-                Some(_) => r#"{"error":"unknown request; known are: down, status"}"#,
+                Some(words) => {
+                    other =
+                        std::str::from_utf8(words).ok().and_then(&mut *answer_other).unwrap_or_else(|| UNKNOWN.into());
+                    other.as_str()
+                }
             };
             // Who does not take his answer loses the connection: nobody is waited for.
             net::send(connection, answer.as_bytes(), SendFlags::DONTWAIT | SendFlags::NOSIGNAL).is_ok()

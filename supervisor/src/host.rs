@@ -12,8 +12,10 @@ use runtime::Time;
 use runtime::clock::{self, wall_seconds};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 
+use crate::channels::Channels;
 use crate::claim::Claim;
 use crate::control::{Control, StopHandle};
+use crate::detectors::Detectors;
 use crate::event::{Action, Event, Incident, IncidentKind};
 use crate::exit::Exit;
 use crate::host_tree::InTree;
@@ -21,9 +23,10 @@ use crate::incidents::{Journal, Record};
 use crate::observer::{Guarded, Outcome, Report, StopCause};
 use crate::policy::Policy;
 use crate::processes::{Launcher, Process};
+use crate::requests;
 use crate::signals::Signals;
 use crate::slot::Slot;
-use crate::state::RobotState;
+use crate::state::{NodeState, RobotState};
 use crate::status::Status;
 use crate::wall::utc;
 
@@ -44,6 +47,9 @@ pub(crate) struct Host<'a> {
     pub journal: Journal,
     pub incidents: VecDeque<Record>,
     pub observer: Guarded<'a>,
+    /// Channels of the robot's tree, where it has one.
+    pub channels: Channels,
+    pub detectors: Detectors,
     pub begun: Time,
     pub stopped_by: StopCause,
     /// Requests that a second one of the same kind turns into an immediate end.
@@ -88,10 +94,22 @@ impl Host<'_> {
                 }
             }
             self.look_around();
+            self.detect();
             self.take(Event::Timer);
             if self.observer.has_panicked() {
                 self.end(StopCause::Program, false);
             }
+        }
+    }
+
+    /// Silence and lateness.
+    fn detect(&mut self) {
+        let running = |node: usize| match self.policy.node(node) {
+            NodeState::Running { since } => Some(since),
+            _ => None,
+        };
+        for event in self.detectors.look(clock::now(), &running) {
+            self.take(event);
         }
     }
 
@@ -159,10 +177,10 @@ impl Host<'_> {
                     }
                     Action::KillStandby { .. }
                     | Action::Revert { .. }
-                    | Action::Reprioritise { .. }
                     | Action::Heal { .. }
                     | Action::Hold { .. }
                     | Action::Limp { .. } => {}
+                    Action::Reprioritise { node, above } => self.slots[node].reprioritise(above),
                     Action::Stop { node } => self.latch_stop(node),
                     Action::Done => self.done = true,
                 }
@@ -174,6 +192,7 @@ impl Host<'_> {
             }
         }
         self.leave_state();
+        self.channels.say(clock::now(), &self.policy);
         let state = self.policy.robot();
         if self.told.replace(state) != Some(state) {
             self.observer.report(Report::Robot(state));
@@ -221,7 +240,17 @@ impl Host<'_> {
 
     fn serve(&mut self) {
         let status = serde_json::to_string(&self.status()).unwrap_or_default();
-        if self.control.serve(&status) {
+        let instances: Vec<String> = self.slots.iter().map(|slot| slot.instance.clone()).collect();
+        let (policy, mut asked) = (&self.policy, Vec::new());
+        let down = self.control.serve(&status, &mut |words| {
+            let (answer, request) = requests::answer(words, &instances, policy)?;
+            asked.extend(request.map(|request| (words.to_owned(), request)));
+            Some(answer)
+        });
+        for (words, request) in asked {
+            self.carry_out(&words, request);
+        }
+        if down {
             self.end(StopCause::Down, false);
         }
     }
@@ -252,6 +281,7 @@ impl Host<'_> {
     pub fn keep(&mut self, record: Record) {
         self.observer.report(Report::Incident(&record));
         self.journal.write(&record);
+        self.channels.incident(clock::now(), &serde_json::to_string(&record).unwrap_or_default());
         if self.incidents.len() == KEPT_INCIDENTS {
             self.incidents.pop_front();
         }

@@ -11,7 +11,7 @@ use runtime::Time;
 use runtime::clock::{self, wall_seconds};
 
 use crate::beats::BeatWatch;
-use crate::event::Event;
+use crate::event::{Event, Request};
 use crate::exit::Exit;
 use crate::host::{Host, Source};
 use crate::incidents::Record;
@@ -157,6 +157,14 @@ impl Host<'_> {
             Some(folder) => remembered::write(folder, &inside.tree.latch).err().map(|error| error.to_string()),
             None => Some("no logs are kept".to_owned()),
         };
+        if word.state() == State::Armed && self.policy.latched() {
+            // A person's reset, heard by the guard: what the policy held because of it may go, too.
+            let request = Request::Reset;
+            if self.policy.refusal(request).is_none() {
+                self.take(Event::Call(request));
+            }
+        }
+        let Some(inside) = &self.inside else { return };
         let (event, mut message) = match word.state() {
             State::Run => ("resumed", "motion is allowed again".to_owned()),
             State::Armed => ("reset", "reset; it stands until `sinew resume`".to_owned()),

@@ -20,15 +20,18 @@
 //! the default ones.
 //!
 //! What a run keeps: below `<root>/.run`, for others to find it, `supervisor.lock`, `supervisor.json` (the [`Owner`]),
-//! `<node>.pid` and the socket `control` (Unix seqpacket; one word per packet, `status` or `down`, one JSON object back;
+//! `<node>.pid` and the socket `control` (Unix seqpacket; a request per packet, `status`, `down`, `start NODE`, `stop NODE`, `restart NODE` or `clear`, one
+//! JSON object back;
 //! after `down` the connection ends when nothing of the run is left). In the log folder, and there to stay, `<node>.log`,
 //! `<node>.previous.log` and `incidents.jsonl` (a [`Record`] per line).
 
 mod backoff;
 mod beats;
 mod care;
+mod channels;
 mod claim;
 mod control;
+mod detectors;
 mod event;
 mod exit;
 mod folders;
@@ -47,6 +50,7 @@ mod proc;
 mod processes;
 mod reactions;
 mod remembered;
+mod requests;
 mod robot_plan;
 mod rule;
 mod run;
@@ -65,6 +69,7 @@ mod witness;
 
 pub use backoff::{Backoff, Intensity};
 pub use care::{Act, Care, Condition, Group, Reaction, Strategy, Supervision};
+pub use channels::supervisor_channels;
 pub use claim::ClaimError;
 pub use control::{ControlError, StopHandle, ask, down};
 pub use event::{Action, Event, Incident, IncidentKind, Next, Request};

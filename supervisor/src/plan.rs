@@ -4,8 +4,10 @@ use std::collections::HashSet;
 use std::ffi::OsString;
 use std::path::PathBuf;
 
+use crate::care::Supervision;
 use crate::control::StopHandle;
 use crate::logs::log_folder;
+use crate::robot_plan::Crew;
 use crate::rule::Rule;
 
 /// One node process.
@@ -47,6 +49,10 @@ pub struct Plan {
     pub log_folder: Option<PathBuf>,
     /// The nodes.
     pub programs: Vec<Program>,
+    /// Care beyond each program's own rule, numbered like the programs; `None`: only hangs are looked after.
+    pub supervision: Option<Supervision>,
+    /// The robot's processes, numbered like the programs, whose channels are looked at; empty for other programs.
+    pub crews: Vec<Crew>,
     /// Ends the run from another thread.
     pub stop: Option<StopHandle>,
 }
@@ -55,7 +61,15 @@ impl Plan {
     /// A run of `robot` in its usual folders: below `$SINEW_SHM` (else /dev/shm/sinew) and `$SINEW_STATE`.
     pub fn new(robot: impl Into<String>, programs: Vec<Program>) -> Plan {
         let robot = robot.into();
-        Plan { root: root_folder(&robot), log_folder: log_folder(&robot), robot, programs, stop: None }
+        Plan {
+            root: root_folder(&robot),
+            log_folder: log_folder(&robot),
+            robot,
+            programs,
+            supervision: None,
+            crews: Vec::new(),
+            stop: None,
+        }
     }
 
     /// Why this cannot be run, if so.

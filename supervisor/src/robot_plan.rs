@@ -8,6 +8,7 @@ use runtime::robot::{
 };
 
 use crate::backoff::{Backoff, Intensity};
+use crate::beats::BEATS_PER_LIMIT;
 use crate::care::{Act, Care, Condition, Group, Reaction, Strategy, Supervision};
 use crate::rule::{Restart, Rule};
 use crate::severity::{Clear, Severity};
@@ -19,6 +20,8 @@ pub struct Crew {
     pub name: String,
     /// Its nodes, by their place in the robot file.
     pub nodes: Vec<usize>,
+    /// Their paths, `/drivers/base`.
+    pub paths: Vec<String>,
     /// Paths that it must keep fresh, and their greatest age [ns].
     pub fresh: Vec<(String, u64)>,
 }
@@ -39,7 +42,7 @@ pub struct RobotPlan {
 /// Priority that a late node may be given above the robot file's, where that says nothing.
 const RAISE_MOST: u8 = 5;
 /// A node that is not ready after this long hangs, where the robot file says nothing [ms].
-const START_DEADLINE_MS: f64 = 5000.0;
+const START_DEADLINE_MS: f64 = 10_000.0;
 
 impl RobotPlan {
     /// The plan of `robot`, whose file has been checked.
@@ -49,12 +52,13 @@ impl RobotPlan {
             let name = node.process.clone().unwrap_or_else(|| node.path());
             match crews.iter_mut().find(|crew| crew.name == name && node.process.is_some()) {
                 Some(crew) => crew.nodes.push(index),
-                None => crews.push(Crew { name, nodes: vec![index], fresh: Vec::new() }),
+                None => crews.push(Crew { name, nodes: vec![index], paths: Vec::new(), fresh: Vec::new() }),
             }
         }
         let mut nodes = Vec::new();
         for crew in &mut crews {
             let members: Vec<&NodeSpec> = crew.nodes.iter().map(|&index| &robot.nodes[index]).collect();
+            crew.paths = members.iter().map(|member| member.path()).collect();
             for member in &members {
                 let ports = member.care.fresh_ms.iter();
                 crew.fresh.extend(ports.map(|(port, ms)| (member.port_path(port), (ms * 1e6) as u64)));
@@ -120,8 +124,8 @@ fn care(members: &[&NodeSpec], limp: Option<&Limp>) -> Care {
         clear: clear(leave, after_ms),
         absent_after_s: seconds(table.absent_after_ms, plain.absent_after_s),
         start_deadline_s: table.start_deadline_ms.unwrap_or(START_DEADLINE_MS) / 1e3,
-        beats_low: table.missed_low.unwrap_or(2),
-        beats_high: table.missed_high.unwrap_or(5),
+        beats_low: table.missed_low.unwrap_or(BEATS_PER_LIMIT - 1),
+        beats_high: table.missed_high.unwrap_or(BEATS_PER_LIMIT),
         silence: table.silence.map_or(plain.silence, severity),
         restart_when_silent: table.restart_when_silent,
         lateness: table.lateness.map_or(plain.lateness, severity),

@@ -112,6 +112,8 @@ pub fn run_prepared(
         journal,
         incidents: VecDeque::new(),
         observer,
+        channels: crate::channels::Channels::none(),
+        detectors: crate::detectors::Detectors::none(),
         begun: clock::now(),
         stopped_by: StopCause::NothingLeft,
         interrupts: 0,

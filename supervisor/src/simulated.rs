@@ -20,6 +20,7 @@ use runtime::channel::{Claim, Death, Geometry, RawReader, RawWriter};
 use runtime::robot::Robot;
 use runtime::{ExecutionModel, Layer, OpenError, STATE_DEPTH, SUPERVISOR_STATE, SimulatedHost, Time};
 
+use crate::beats::BEATS_PER_LIMIT;
 use crate::event::{Action, Event, IncidentKind, Request};
 use crate::exit::Exit;
 use crate::policy::Policy;
@@ -29,8 +30,8 @@ use crate::state::NodeState;
 
 /// How often beats, ages and deadlines are looked at [s].
 pub const LOOK_S: f64 = 0.01;
-/// A process that does not step beats at least this often [s].
-const BEAT_S: f64 = 0.02;
+/// So many missed beats of this length are the 100 ms after which a node hangs [s].
+const BEAT_S: f64 = 0.1 / BEATS_PER_LIMIT as f64;
 /// Looks between two of deadlines and ages.
 const SLOW_LOOKS: u64 = 10;
 /// Code of the emergency stops that faults raise.
@@ -305,6 +306,10 @@ impl SupervisedHost {
         if latched && !self.policy.latched() && !(event == Event::Call(Request::Reset) && may_reset) {
             self.chronicle.let_go += 1;
         }
+        if latched && !self.policy.latched() {
+            // Reset and resumed by the same person.
+            self.host.set_latch(guard::latch::State::Run);
+        }
         for action in actions {
             self.act(now, action);
         }
@@ -347,7 +352,10 @@ impl SupervisedHost {
             }
             Action::Limp { on } => self.chronicle.limps += u64::from(on),
             Action::Hold { on } => self.chronicle.holds += u64::from(on),
-            Action::Stop { .. } => self.chronicle.stops += 1,
+            Action::Stop { .. } => {
+                self.chronicle.stops += 1;
+                self.host.set_latch(guard::latch::State::Latched);
+            }
             Action::Notify(incident) => {
                 let given_up =
                     matches!(incident.kind, IncidentKind::Died { next: crate::event::Next::GiveUp { .. }, .. });

@@ -29,6 +29,8 @@ pub(crate) struct Slot {
     reports_ready: bool,
     /// `None`: what the node says goes to /dev/null.
     log: Option<NodeLog>,
+    /// Priority above the robot file's.
+    above: u8,
     starts: u32,
     started: Time,
     last_exit: Option<Exit>,
@@ -54,6 +56,7 @@ impl Slot {
             command,
             reports_ready,
             log,
+            above: 0,
             starts: 0,
             started: Time::ZERO,
             last_exit: None,
@@ -92,6 +95,7 @@ impl Slot {
     /// Starts a process and writes its number into `run_folder`; why there is none, if that fails.
     pub fn start(&mut self, launcher: &Launcher, run_folder: &Path) -> Result<(), Exit> {
         self.starts += 1;
+        self.above = 0;
         self.started = clock::now();
         let log = self.log.as_mut().map(NodeLog::begin);
         match launcher.start(&self.command, self.starts - 1, log, self.reports_ready) {
@@ -120,6 +124,15 @@ impl Slot {
         (self.dead_pid, self.last_exit) = (self.pid, Some(exit));
         self.last_lines = self.log.as_ref().map_or_else(Vec::new, NodeLog::last_lines);
         Some(exit)
+    }
+
+    /// Schedules the node's threads `above` the priority that they had when it was first asked for. Threads without
+    /// real-time priority stay without: there is no order among them to raise them in.
+    pub fn reprioritise(&mut self, above: u8) {
+        let raised = std::mem::replace(&mut self.above, above);
+        if let Some(process) = &self.process {
+            runtime::realtime::shift_priorities(process.pid(), i32::from(above) - i32::from(raised));
+        }
     }
 
     /// What `status` tells of the node.

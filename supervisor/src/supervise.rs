@@ -9,7 +9,9 @@ use runtime::clock;
 
 use crate::beats::{BEATS_PER_LIMIT, BeatWatch};
 use crate::care::{Care, Supervision};
+use crate::channels::Channels;
 use crate::claim::Claim;
+use crate::detectors::Detectors;
 use crate::host::Host;
 use crate::host_tree::InTree;
 use crate::leftovers;
@@ -66,12 +68,13 @@ pub fn supervise(plan: Plan) -> Result<(), SuperviseError> {
         tree.saved = Some(Saved::nameless(&plan));
     }
     let takeovers = tree.saved.as_ref().map_or(0, |saved| saved.takeovers + 1);
+    let (channels, flaws) = Channels::open(claim.root());
     let mut host = Host {
         slots,
-        policy: Policy::supervising(Supervision {
+        policy: Policy::supervising(plan.supervision.clone().unwrap_or_else(|| Supervision {
             nodes: plan.programs.iter().map(care).collect(),
             ..Supervision::default()
-        }),
+        })),
         control,
         signals,
         stop: None,
@@ -80,6 +83,8 @@ pub fn supervise(plan: Plan) -> Result<(), SuperviseError> {
         journal,
         incidents: VecDeque::new(),
         observer,
+        channels,
+        detectors: Detectors::of(claim.root(), &plan.crews),
         begun: clock::now(),
         stopped_by: StopCause::NothingLeft,
         interrupts: 0,
@@ -102,6 +107,9 @@ pub fn supervise(plan: Plan) -> Result<(), SuperviseError> {
     };
     if let Some(found) = found {
         host.tell_of_robot("leftovers", found);
+    }
+    for flaw in flaws {
+        host.tell_of_robot("no_channel", flaw);
     }
     if let Some(flaw) = flaw {
         host.tell_of_robot("state_refused", flaw);

@@ -1,6 +1,7 @@
 //! `sinew check`: a robot file read, its nodes opened for their declarations, its wires checked; no hardware is touched.
 
 use super::graph::{as_json, released_by};
+use crate::admission;
 use crate::exit::{CHECK, Failure};
 use crate::load::{self, Changes};
 use crate::output::{Align, Cell, Out, Table, Tone, count};
@@ -33,10 +34,19 @@ pub fn run(args: Args, types: &[NodeType]) -> Result<(), Failure> {
     let checked = load::robot(args.robot.as_deref(), &args.changes, types)
         .map_err(|failure| (json!([{"message": failure.message}]), failure))
         .and_then(|robot| match robot.graph() {
-            Ok(graph) => Ok((robot, graph)),
+            Ok(graph) => {
+                let verdict = admission::judge(&graph, &robot.file);
+                match verdict.errors.is_empty() {
+                    true => Ok((robot, graph, verdict)),
+                    false => {
+                        let errors = verdict.errors;
+                        Err((Value::Array(errors.iter().map(error_json).collect()), load::errors(errors)))
+                    }
+                }
+            }
             Err(errors) => Err((Value::Array(errors.iter().map(error_json).collect()), load::errors(errors))),
         });
-    let (robot, graph) = match checked {
+    let (robot, graph, verdict) = match checked {
         Ok(checked) => checked,
         Err((errors, failure)) if args.json && failure.code == CHECK => {
             out.json(&json!({"ok": false, "errors": errors}))?;
@@ -50,6 +60,7 @@ pub fn run(args: Args, types: &[NodeType]) -> Result<(), Failure> {
         value["ok"] = Value::Bool(true);
         value["errors"] = json!([]);
         value["warnings"] = graph.warnings.iter().map(error_json).collect();
+        value["response_analysis"] = json!({"nodes": verdict.reckoned, "utilization": verdict.utilization});
         out.json(&value)?;
         return out.flush();
     }
@@ -60,6 +71,13 @@ pub fn run(args: Args, types: &[NodeType]) -> Result<(), Failure> {
     let good = out.paint.tone(Tone::Good, "ok");
     let (nodes, wires) = (count(graph.nodes.len(), "node"), count(graph.edges.len(), "wire"));
     out.line(format!("\n{good}: {} ({}), {nodes}, {wires}", robot.name, robot.file))?;
+    if verdict.reckoned > 0 {
+        let (load, all) = (verdict.utilization * 100.0, graph.nodes.len());
+        out.line(format!(
+            "deadlines hold at the budgets of {} of {all} nodes, {load:.0} % of a processor",
+            verdict.reckoned
+        ))?;
+    }
     out.flush()
 }
 

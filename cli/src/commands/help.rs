@@ -6,8 +6,8 @@ use std::fmt::Write;
 
 /// Every command under what it is for. A test holds this list to the commands that there are.
 const GROUPS: [(&str, &[&str]); 4] = [
-    ("Run a robot", &["run", "drive", "down", "estop", "reset", "resume", "simulate"]),
-    ("Look at a running robot", &["ls", "cat", "hz", "logs", "call"]),
+    ("Run a robot", &["run", "drive", "down", "estop", "reset", "resume", "start", "stop", "restart", "simulate"]),
+    ("Look at a running robot", &["top", "incidents", "ls", "cat", "hz", "logs", "call"]),
     ("Look at a robot file", &["check", "graph", "schema"]),
     ("Look at this machine", &["doctor", "bench", "chaos"]),
 ];
@@ -95,6 +95,41 @@ Examples:
   sinew down pioneer --timeout 30s
 
 JSON (--json): robot, stopped, took_s.";
+
+pub const START: &str = "\
+Examples:
+  sinew start steer_clear           starts a node that was stopped, has ended or was given up
+  sinew start base --robot pioneer
+
+JSON (--json): robot, node, request, ok.";
+
+pub const STOP: &str = "\
+Examples:
+  sinew stop steer_clear            stops one node in order; it stays stopped until `sinew start`
+  sinew down                        stops the whole robot
+
+JSON (--json): robot, node, request, ok.";
+
+pub const RESTART: &str = "\
+Examples:
+  sinew restart steer_clear         stops a node in order and starts it again
+
+JSON (--json): robot, node, request, ok.";
+
+pub const TOP: &str = "\
+Examples:
+  sinew top                         every node's state, timing, processor, memory and scheduling, again and again
+  sinew top --once --json           the same, once, for programs
+
+JSON (--json): one object per look: robot, state, severity, nodes [{node, state, pid, restarts, rate_hz, lateness_ms,
+execution_ms (p50, p99, max), steps, skipped, missed, faults, dropped, cpu_percent, rss_bytes, scheduling}].";
+
+pub const INCIDENTS: &str = "\
+Examples:
+  sinew incidents                   what went wrong on the only running robot, oldest first
+  sinew incidents pioneer --last 20 also after it has stopped
+
+JSON (--json): one record per line, as in incidents.jsonl.";
 
 pub const ESTOP: &str = "\
 Examples:

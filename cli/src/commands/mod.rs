@@ -12,12 +12,15 @@ mod estop;
 mod graph;
 mod help;
 mod hz;
+mod incidents;
 mod logs;
 mod ls;
 pub mod node;
 pub mod run;
 mod schema;
 pub mod simulate;
+mod steer;
+mod top;
 mod tree;
 
 use crate::built_in::node_types;
@@ -51,6 +54,16 @@ enum Command {
     Reset(estop::PersonArgs),
     #[command(after_help = help::RESUME)]
     Resume(estop::PersonArgs),
+    #[command(after_help = help::START)]
+    Start(steer::Args),
+    #[command(after_help = help::STOP)]
+    Stop(steer::Args),
+    #[command(after_help = help::RESTART)]
+    Restart(steer::Args),
+    #[command(after_help = help::TOP)]
+    Top(top::Args),
+    #[command(after_help = help::INCIDENTS)]
+    Incidents(incidents::Args),
     #[command(after_help = help::LS)]
     Ls(ls::Args),
     #[command(after_help = help::CAT)]
@@ -111,6 +124,11 @@ fn dispatch(command: Command, types: &[NodeType]) -> Result<(), Failure> {
         Command::Estop(args) => estop::run(args),
         Command::Reset(args) => estop::person(&args, "reset"),
         Command::Resume(args) => estop::person(&args, "resume"),
+        Command::Start(args) => steer::run(&args, "start"),
+        Command::Stop(args) => steer::run(&args, "stop"),
+        Command::Restart(args) => steer::run(&args, "restart"),
+        Command::Top(args) => top::run(&args),
+        Command::Incidents(args) => incidents::run(&args),
         Command::Ls(args) => ls::run(args),
         Command::Cat(args) => cat::run(args),
         Command::Hz(args) => hz::run(args),

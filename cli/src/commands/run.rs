@@ -5,11 +5,11 @@ use crate::launch::Launch;
 use crate::load::{self, Changes};
 use crate::view;
 use runtime::channel::Tree;
-use runtime::robot::{Graph, NodeSpec, Restart as Wish, Robot};
-use runtime::{Layer, NodeType, clock};
+use runtime::robot::{Graph, Robot};
+use runtime::{NodeType, clock};
 use std::path::PathBuf;
 use std::sync::mpsc;
-use supervisor::{Front, Outcome, Plan, Program, Restart, StopHandle};
+use supervisor::{Front, Outcome, Plan, Program, RobotPlan, StopHandle};
 
 /// Runs a robot: every node as a supervised process of its own
 #[derive(Debug, clap::Args)]
@@ -46,6 +46,10 @@ pub fn run(args: Args, types: &[NodeType]) -> Result<(), Failure> {
     let graph = robot.graph().map_err(load::errors)?;
     for warning in &graph.warnings {
         eprintln!("warning: {warning}");
+    }
+    let verdict = crate::admission::judge(&graph, &robot.file);
+    if !verdict.errors.is_empty() {
+        return Err(load::errors(verdict.errors));
     }
     warn_of_refused_real_time(&robot);
     let stop = StopHandle::new()?;
@@ -92,6 +96,9 @@ pub(super) fn fill(root: &std::path::Path, launch: &Launch, graph: &Graph) -> Re
             tree.prepare(&written.path, &written.geometry).map_err(|e| e.to_string())?;
         }
     }
+    for (path, geometry) in supervisor::supervisor_channels() {
+        tree.prepare(path, &geometry).map_err(|e| e.to_string())?;
+    }
     Ok(())
 }
 
@@ -99,46 +106,17 @@ pub(super) fn fill(root: &std::path::Path, launch: &Launch, graph: &Graph) -> Re
 pub(super) fn plan(robot: &Robot) -> Result<Plan, Failure> {
     let program = std::env::current_exe()?;
     let root = supervisor::root_folder(&robot.name);
-    let mut groups: Vec<(String, Vec<&NodeSpec>)> = Vec::new();
-    for node in &robot.nodes {
-        match &node.process {
-            Some(name) => match groups.iter_mut().find(|(known, _)| known == name) {
-                Some((_, members)) => members.push(node),
-                None => groups.push((name.clone(), vec![node])),
-            },
-            None => groups.push((node.path(), vec![node])),
-        }
-    }
-    let programs = groups.into_iter().map(|(name, members)| {
+    let RobotPlan { crews, supervision, .. } = RobotPlan::of(robot);
+    let programs = crews.iter().zip(&supervision.nodes).map(|(crew, care)| {
         let mut argv = vec![program.clone().into_os_string(), "node".into(), "--root".into(), root.clone().into()];
-        argv.extend(members.iter().map(|node| node.path().into()));
-        let mut program = Program::new(name, argv);
-        program.rule.restart =
-            members.iter().map(|node| restart(node.restart)).min_by_key(|r| *r as u8).unwrap_or_default();
-        program.beats = members.len();
-        program.rule.stop_group = members.iter().map(|node| stop_group(node.kind.layer)).max().unwrap_or(0);
+        argv.extend(crew.nodes.iter().map(|&node| robot.nodes[node].path().into()));
+        let mut program = Program::new(crew.name.clone(), argv);
+        program.beats = crew.nodes.len();
+        program.rule = care.rule;
         program
     });
     let programs = programs.collect();
-    Ok(Plan::new(robot.name.clone(), programs))
-}
-
-fn restart(wish: Wish) -> Restart {
-    match wish {
-        Wish::Always => Restart::Always,
-        Wish::OnFailure => Restart::OnFailure,
-        Wish::Never => Restart::Never,
-    }
-}
-
-/// Groups stop in ascending and start in descending order: a driver outlives those who command it, so that its last
-/// order to the wheels is its own, and the simulated device outlives the driver.
-fn stop_group(layer: Layer) -> u8 {
-    match layer {
-        Layer::Simulator => 2,
-        Layer::Drivers => 1,
-        _ => 0,
-    }
+    Ok(Plan { supervision: Some(supervision), crews, ..Plan::new(robot.name.clone(), programs) })
 }
 
 /// One warning for all nodes, where the robot file asks for what this user may not have.

@@ -275,6 +275,20 @@ impl Ports {
         Ok(caller)
     }
 
+    /// What the supervisor lets the robot do now: always wired, and without a sample where nobody supervises.
+    pub fn supervision(&mut self) -> Reader<SupervisorState> {
+        let expect = Expect { type_name: SupervisorState::NAME.into(), layout_hash: SupervisorState::layout_hash() };
+        let wire = ReadWire { from: vec![SUPERVISOR_STATE.into()], max_age_ns: u64::MAX, return_after_ns: 0 };
+        let input = Rc::new(Input::new("supervision", false, expect, Some(wire)));
+        self.inputs.push(input.clone());
+        Reader::new(input, self.now.clone())
+    }
+
+    /// What remains in limp mode, where the robot has one.
+    pub fn limp(&self) -> Option<&Limp> {
+        self.limp.as_ref()
+    }
+
     /// The stop latch, for a node that moves something: it must not while the latch does not allow it. A change of the
     /// latch releases a step.
     pub fn stop_latch(&mut self) -> StopLatch {
@@ -292,20 +306,6 @@ impl Ports {
     /// A few bytes that outlive this node's process. What a predecessor left can be read from `start` on.
     pub fn keepsake(&mut self) -> Keepsake {
         self.keepsake.clone()
-    }
-
-    /// What the supervisor lets the robot do now: always wired, and without a sample where nobody supervises.
-    pub fn supervision(&mut self) -> Reader<SupervisorState> {
-        let expect = Expect { type_name: SupervisorState::NAME.into(), layout_hash: SupervisorState::layout_hash() };
-        let wire = ReadWire { from: vec![SUPERVISOR_STATE.into()], max_age_ns: u64::MAX, return_after_ns: 0 };
-        let input = Rc::new(Input::new("supervision", false, expect, Some(wire)));
-        self.inputs.push(input.clone());
-        Reader::new(input, self.now.clone())
-    }
-
-    /// What remains in limp mode, where the robot has one.
-    pub fn limp(&self) -> Option<&Limp> {
-        self.limp.as_ref()
     }
 
     /// The robot's body.

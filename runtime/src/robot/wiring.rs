@@ -174,6 +174,10 @@ impl Robot {
             at.push(port.clone());
             complain(at, reason, Some(nearest_advice(port, &written)));
         }
+        for port in spec.care.fresh_ms.keys().filter(|port| !written.contains(port)) {
+            let reason = format!("node type \"{}\" writes no port \"{port}\" that could be fresh", spec.kind.name);
+            complain(keys(&["care", "fresh_ms"]), reason, Some(nearest_advice(port, &written)));
+        }
         for declared in &node.declared {
             let Some(wire) = spec.reads.get(declared.port) else { continue };
             for source in &wire.from {

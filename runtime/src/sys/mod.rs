@@ -12,6 +12,28 @@ pub fn set_fifo(priority: u8) -> Result<(), Errno> {
     if status == 0 { Ok(()) } else { Err(last_error()) }
 }
 
+/// Shifts the real-time priority of thread `tid` of any process by `by`, within 1 to 94; a thread without one is left
+/// alone.
+pub fn shift_fifo(tid: i32, by: i32) -> Result<(), Errno> {
+    // SAFETY: a number goes in, a number comes out.
+    let class = unsafe { libc::sched_getscheduler(tid) };
+    if class < 0 {
+        return Err(last_error());
+    }
+    if class & !libc::SCHED_RESET_ON_FORK != libc::SCHED_FIFO {
+        return Ok(());
+    }
+    let mut parameters = libc::sched_param { sched_priority: 0 };
+    // SAFETY: the structure lives across the call.
+    if unsafe { libc::sched_getparam(tid, &mut parameters) } != 0 {
+        return Err(last_error());
+    }
+    parameters.sched_priority = (parameters.sched_priority + by).clamp(1, 94);
+    // SAFETY: the structure lives across the call.
+    let status = unsafe { libc::sched_setparam(tid, &parameters) };
+    if status == 0 { Ok(()) } else { Err(last_error()) }
+}
+
 /// Locks what is mapped and what will be touched into memory, page by page as it is touched.
 pub fn lock_memory() -> Result<(), Errno> {
     // SAFETY: no memory is passed.

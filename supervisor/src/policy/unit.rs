@@ -143,6 +143,8 @@ impl Unit {
         self.started = now;
         self.intent = Intent::Keep;
         self.sluggish = false;
+        // A new process begins with the priority of the robot file.
+        (self.above, self.overloaded) = (0, false);
         let down_s = self.down_since.map(|died| now.since(died));
         if self.care.rule.reports_ready {
             self.state = NodeState::Starting { since: now };

@@ -1,0 +1,101 @@
+//! Requests over the control socket that concern the policy: `start NODE`, `stop NODE`, `restart NODE`, `clear`.
+//!
+//! `clear` ends causes of limp mode and hold that wait for a person, once they are gone; the emergency stop itself is
+//! reset at the guard. A node is named by its path or by the last part of it, where that is unique.
+
+use runtime::clock;
+
+use crate::event::{Event, Request};
+use crate::host::Host;
+use crate::policy::Policy;
+
+/// What `words` ask for, or why not.
+fn parse(words: &str, instances: &[String]) -> Option<Result<Request, String>> {
+    let (verb, name) = words.split_once(' ').unwrap_or((words, ""));
+    let make: fn(usize) -> Request = match verb {
+        "start" => |node| Request::Start { node },
+        "stop" => |node| Request::Stop { node },
+        "restart" => |node| Request::Restart { node },
+        "clear" if name.is_empty() => return Some(Ok(Request::Reset)),
+        _ => return None,
+    };
+    Some(find(name, instances).map(make))
+}
+
+/// The node called `name`.
+fn find(name: &str, instances: &[String]) -> Result<usize, String> {
+    if let Some(exact) = instances.iter().position(|instance| instance == name) {
+        return Ok(exact);
+    }
+    let ends = |instance: &String| instance.rsplit('/').next() == Some(name);
+    let mut found = instances.iter().enumerate().filter(|(_, instance)| ends(instance)).map(|(node, _)| node);
+    match (found.next(), found.next()) {
+        (Some(node), None) => Ok(node),
+        (Some(_), Some(_)) => Err(format!("several nodes are called \"{name}\": give the path of one")),
+        (None, _) => Err(format!("there is no node \"{name}\"; there are {}", instances.join(", "))),
+    }
+}
+
+/// The answer to `words`, and what is to be done; `None` for words that are no request of this kind.
+pub(crate) fn answer(words: &str, instances: &[String], policy: &Policy) -> Option<(String, Option<Request>)> {
+    let refused = |reason: String| (serde_json::json!({ "error": reason }).to_string(), None);
+    Some(match parse(words, instances)? {
+        Err(reason) => refused(reason),
+        Ok(request) => match policy.refusal(request) {
+            Some(reason) => refused(format!("cannot {words}: {reason}")),
+            None => (r#"{"ok":true}"#.to_owned(), Some(request)),
+        },
+    })
+}
+
+impl Host<'_> {
+    /// Does what was asked for and answered already.
+    pub(crate) fn carry_out(&mut self, words: &str, request: Request) {
+        let node = match request {
+            Request::Reset => None,
+            Request::Start { node }
+            | Request::Stop { node }
+            | Request::Restart { node }
+            | Request::Replace { node } => Some(node),
+        };
+        self.channels.change(clock::now(), node, words);
+        self.take(Event::Call(request));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::rule::Rule;
+
+    fn names() -> Vec<String> {
+        ["/drivers/base", "/motion/drive", "/actions/base"].map(str::to_owned).into()
+    }
+
+    fn asked(words: &str) -> (String, Option<Request>) {
+        let mut policy = Policy::new([Rule::default(); 3]);
+        policy.handle(runtime::Time::from_seconds(1.0), Event::Begin, &mut Vec::new());
+        answer(words, &names(), &policy).unwrap()
+    }
+
+    #[test]
+    fn a_node_is_named_by_its_path_or_by_a_last_part_that_is_unique() {
+        assert_eq!(asked("restart drive").1, Some(Request::Restart { node: 1 }));
+        assert_eq!(asked("stop /actions/base").1, Some(Request::Stop { node: 2 }));
+        assert!(asked("stop base").0.contains("several nodes"));
+        assert!(asked("stop nobody").0.contains("there is no node"));
+    }
+
+    #[test]
+    fn what_does_not_fit_the_state_is_refused_with_the_state() {
+        let (answer, request) = asked("start drive");
+        assert!(answer.contains("it is starting") && request.is_none(), "{answer}");
+    }
+
+    #[test]
+    fn other_words_are_none_of_its_business() {
+        let policy = Policy::new([Rule::default()]);
+        assert_eq!(answer("dance drive", &names(), &policy), None);
+        assert_eq!(answer("clear everything", &names(), &policy), None);
+    }
+}
