@@ -185,6 +185,9 @@ pub fn run(
     }
 }
 
+/// A node's pump, and what the step's thread shares with it.
+type Pumped = (Pump, Arc<StepWatch>, Granted, Option<Arc<GuardLine>>);
+
 /// What the step's thread was granted, once that is known.
 type Granted = Arc<OnceLock<Grants>>;
 
@@ -195,7 +198,7 @@ fn spawn_pump(
     robot: &Robot,
     options: &LiveOptions,
     notifier: Notifier,
-) -> Result<(Pump, Arc<StepWatch>, Granted, Option<Arc<GuardLine>>), OpenError> {
+) -> Result<Pumped, OpenError> {
     let mut pump = std::mem::replace(&mut ports.pump, PumpBuilder::new(&spec.path()));
     pump.notify(notifier);
     let (realtime, priority, path) = (robot.realtime, spec.priority + 1, spec.path());

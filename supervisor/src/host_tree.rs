@@ -26,7 +26,7 @@ use crate::wall::utc;
 use crate::witness::Witnesses;
 
 /// How often heartbeats and the latch are looked at [s].
-pub(crate) const LOOK_S: f64 = 0.01;
+const LOOK_S: f64 = 0.01;
 
 /// The tree, and what is remembered of it.
 pub(crate) struct InTree {

@@ -13,7 +13,7 @@ use crate::channels::Channels;
 use crate::claim::Claim;
 use crate::detectors::Detectors;
 use crate::host::Host;
-use crate::host_tree::{InTree, LOOK_S};
+use crate::host_tree::InTree;
 use crate::leftovers;
 use crate::observer::{Guarded, StopCause};
 use crate::plan::Plan;
@@ -94,7 +94,8 @@ pub fn supervise(plan: Plan) -> Result<(), SuperviseError> {
         inside: Some(InTree {
             beats: BeatWatch::new(&tree.table, &lines, clock::now()),
             witnesses: Witnesses::start(),
-            next_look: clock::now().after_s(LOOK_S),
+            // At once: the guard and others wait for the first beat.
+            next_look: clock::now(),
             latch_seen: if takeovers == 0 { guard::Word::default() } else { tree.latch.word() },
             takeovers,
             log_folder: log_folder.map(ToOwned::to_owned),

@@ -194,7 +194,7 @@ impl Drop for Running {
 fn last_picture(lines: &Path) -> Value {
     let text = std::fs::read_to_string(lines).unwrap_or_default();
     let objects = text.lines().filter_map(|line| serde_json::from_str::<Value>(line).ok());
-    objects.filter(|value| value.get("contacts_caused").is_some()).last().unwrap_or_default()
+    objects.rev().find(|value| value.get("contacts_caused").is_some()).unwrap_or_default()
 }
 
 fn tell(args: &Args, toll: &Toll, last: &Value, length_s: f64) -> Result<(), Failure> {
