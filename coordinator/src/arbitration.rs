@@ -39,7 +39,17 @@ impl Arbitration {
         let limits = modes.iter().map(|mode| mode.limits(body)).collect();
         let opinions = [(); 3].map(|()| Vec::with_capacity(CAPACITY));
         let state = CoordinatorState::default();
-        Arbitration { modes, limits, words, mode: 0, opinions, vetoes: [Caps::FREE; 3], state, limp: None, limping: false }
+        Arbitration {
+            modes,
+            limits,
+            words,
+            mode: 0,
+            opinions,
+            vetoes: [Caps::FREE; 3],
+            state,
+            limp: None,
+            limping: false,
+        }
     }
 
     /// The mode.

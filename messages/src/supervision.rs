@@ -35,28 +35,3 @@ pub struct Notice {
     #[message(values = "none warn limp hold stop")]
     pub severity: u32,
 }
-
-/// What the governor decided.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Message)]
-#[repr(C)]
-#[message(tail = u8)]
-pub struct GovernorState {
-    /// Number of the decision, from 1.
-    pub decision: u64,
-    /// Index of the mode among the governor's modes.
-    pub mode: u32,
-    /// Index of the rule that chose it; 2³²−1 for the default.
-    pub rule: u32,
-    /// Load of the processors by all nodes at the present periods; one whole processor is 1.
-    pub utilization: f64,
-    /// The same at the periods that the robot file wants.
-    pub wanted_utilization: f64,
-    /// Share of the time in which some task waited for a processor, over the last ten seconds (pressure stall information), 0 to 1.
-    pub cpu_pressure: f64,
-    /// The same for memory, 0 to 1.
-    pub memory_pressure: f64,
-    /// Nodes whose periods are stretched now.
-    pub stretched: u32,
-    /// Nodes that are suspended now.
-    pub suspended: u32,
-}

@@ -273,9 +273,9 @@ pub fn run(course: &Course, setup: &Setup, trial: &Trial) -> Result {
             tolerance_m: 0.3,
             time_s,
         };
-        let clock = std::time::Instant::now();
+        let started = runtime::clock::now();
         let wish: Wish = planner.step(&sight);
-        out.step_us.push(clock.elapsed().as_secs_f64() * 1e6);
+        out.step_us.push(runtime::clock::now().since(started) * 1e6);
         line.push_back((wish.forward_m_s, wish.turn_rad_s));
         let told = line.pop_front().unwrap_or_default();
         for _ in 0..SUBSTEPS {

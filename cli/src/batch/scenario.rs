@@ -53,7 +53,7 @@ pub struct Goal {
 }
 
 /// Conditions of success beside the goals.
-#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Default, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Success {
     /// Contacts that the robot may cause.
@@ -66,18 +66,6 @@ pub struct Success {
     pub min_clearance_m: Option<f64>,
     /// Least mean speed while moving [m/s].
     pub min_mean_speed_m_s: Option<f64>,
-}
-
-impl Default for Success {
-    fn default() -> Success {
-        Success {
-            max_contacts_caused: 0,
-            max_contacts_suffered: None,
-            min_distance_m: None,
-            min_clearance_m: None,
-            min_mean_speed_m_s: None,
-        }
-    }
 }
 
 /// Why a scenario is refused.

@@ -17,7 +17,6 @@ macro_rules! every_message {
             GotoPath
             GotoProgress
             GotoResult
-            GovernorState
             Image
             InputCursor
             LaserScan

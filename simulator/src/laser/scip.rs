@@ -79,14 +79,13 @@ impl Scip {
     pub fn hear(&mut self, now: Time, bytes: &[u8]) {
         for byte in bytes {
             match byte {
+                b'\n' | b'\r' if self.line.is_empty() => {}
                 b'\n' | b'\r' => {
-                    if !self.line.is_empty() {
-                        let mut line = [0; MAX_REQUEST];
-                        let length = self.line.len();
-                        line[..length].copy_from_slice(&self.line);
-                        self.line.clear();
-                        self.obey(now, &line[..length]);
-                    }
+                    let mut line = [0; MAX_REQUEST];
+                    let length = self.line.len();
+                    line[..length].copy_from_slice(&self.line);
+                    self.line.clear();
+                    self.obey(now, &line[..length]);
                 }
                 // An overlong line is cut; its length is then wrong for every command.
                 _ if self.line.len() < MAX_REQUEST => self.line.push(*byte),

@@ -59,11 +59,8 @@ pub(super) fn check(world: &World, radius_m: f64, poses: &[Pose]) -> Result<(), 
     }
     let mut taken = Taken::new(low, high - low, radius_m, poses.len());
     for (robot, pose) in poses.iter().enumerate() {
-        // The negation also refuses what is no number.
-        if !(pose.x_m.is_finite() && pose.y_m.is_finite() && pose.heading_rad.is_finite())
-            || !is_free(world, pose.place(), radius_m)
-            || !taken.is_free(pose.place())
-        {
+        let is_number = [pose.x_m, pose.y_m, pose.heading_rad].iter().all(|value| value.is_finite());
+        if !(is_number && is_free(world, pose.place(), radius_m) && taken.is_free(pose.place())) {
             return Err(SwarmError::Occupied { robot, x_m: pose.x_m, y_m: pose.y_m });
         }
         taken.add(pose.place());

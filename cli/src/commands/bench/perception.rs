@@ -126,7 +126,7 @@ fn synthetic(count: usize, field_rad: f64) -> Vec<Frame> {
         .map(|k| {
             let time_s = 0.05 * f64::from(k);
             let mover = |m: u32| {
-                let phase = 0.5236 * f64::from(m) + 0.1 * time_s;
+                let phase = std::f64::consts::FRAC_PI_6 * f64::from(m) + 0.1 * time_s;
                 let radius = 3.0 + f64::from(m % 4);
                 let (sin, cos) = math::sin_cos(phase);
                 yard::Moving { x_m: radius * cos, y_m: radius * sin, velocity_x_m_s: 0.0, velocity_y_m_s: 0.0, lap: 0 }
