@@ -74,6 +74,8 @@ pub struct StepInputs {
     pub fault: u32,
     /// Length of the step's [`StepEvents`]; 0 when it has none [byte].
     pub event_bytes: u32,
+    /// The stop latch's word as the step saw it; 0 for a node that does not ask for the latch.
+    pub latch: u64,
 }
 
 /// What reached a step other than by its read ports, and what it did other than by its written ones: bytes of devices

@@ -80,6 +80,7 @@ impl Record {
             lost: u32::from(lost),
             fault: u32::from(fault),
             event_bytes,
+            latch: u64::from(ports.latch.seen().0),
         };
         inputs.write_with_tail(now, &step, cursors);
     }

@@ -12,6 +12,7 @@ use crate::node::OpenError;
 use crate::ports::Devices;
 use crate::robot::{NodeSpec, Robot, open_replayed};
 use crate::time::Time;
+use guard::Word;
 use messages::{InputCursor, StepInputs, StepKind, WRITTEN, path_number};
 use std::collections::BTreeMap;
 
@@ -194,6 +195,7 @@ impl ReplayNode {
         if froze.is_err() {
             flaw = Some("a channel carries another type than the node reads");
         }
+        life.opened.ports.latch.show(Word(step.inputs.latch as u32));
         life.journal.begin(step.events);
         let node = &mut life.opened.node;
         let fault = match kind {

@@ -49,6 +49,16 @@ impl LatchCell {
         }
     }
 
+    /// What the step saw.
+    pub fn seen(&self) -> Word {
+        self.frozen.get()
+    }
+
+    /// Lets the step see `word`, as a recorded one did.
+    pub fn show(&self, word: Word) {
+        self.frozen.set(word);
+    }
+
     /// The word that a live node sleeps on, if it has asked for the latch.
     pub fn futex(&self) -> Option<&'static AtomicU32> {
         match &*self.place.borrow() {

@@ -16,7 +16,7 @@ fn pair(baud: Option<u32>) -> (MemoryLinks, Device, Device) {
 }
 
 fn all(device: &mut Device) -> Vec<u8> {
-    let mut buffer = [0; 8192];
+    let mut buffer = [0; 32 * 1024];
     let count = device.receive(&mut buffer);
     buffer[..count].to_vec()
 }
@@ -163,11 +163,12 @@ fn reopening_gives_both_ends_a_new_link() {
 #[test]
 fn a_full_line_takes_nothing_of_what_does_not_fit() {
     let (links, mut client, mut server) = pair(Some(9600));
-    client.send(&[1; 4000]).unwrap();
+    // A line takes 16 KiB, in which a scan of a thousand beams has room.
+    client.send(&[1; 16_300]).unwrap();
     assert_eq!(client.send(&[2; 200]), Err(DeviceError::Full));
     assert_eq!(client.refused_sends(), 1);
     links.set_now(Time::from_seconds(60.0));
-    assert_eq!(all(&mut server), [1; 4000]);
+    assert_eq!(all(&mut server), [1; 16_300]);
     client.send(&[2; 200]).unwrap();
 }
 

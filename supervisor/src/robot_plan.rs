@@ -42,7 +42,7 @@ pub struct RobotPlan {
 /// Priority that a late node may be given above the robot file's, where that says nothing.
 const RAISE_MOST: u8 = 5;
 /// A node that is not ready after this long hangs, where the robot file says nothing [ms].
-const START_DEADLINE_MS: f64 = 10_000.0;
+const START_DEADLINE_MS: f64 = 5_000.0;
 
 impl RobotPlan {
     /// The plan of `robot`, whose file has been checked.

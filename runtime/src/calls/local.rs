@@ -180,21 +180,25 @@ impl Exchange {
 
     fn advance(&mut self, now: Time) {
         self.send_calls(now);
-        let paths: Vec<String> = self.nodes.keys().cloned().collect();
-        for path in paths {
-            let Some(node) = self.nodes.get_mut(&path) else { continue };
+        // Nothing is allocated while nothing is said: this runs after every step of every node.
+        let mut replies = Vec::new();
+        for node in self.nodes.values_mut() {
             node.desk.advance(now);
             if node.desk.take_news_for_step() {
                 (node.notify_call)();
             }
-            for reply in node.desk.take_replies() {
-                self.deliver(&reply);
-            }
+            replies.extend(node.desk.take_replies());
+        }
+        for reply in replies {
+            self.deliver(&reply);
         }
     }
 
     /// What the nodes' callers want goes to the desks of those whom they call.
     fn send_calls(&mut self, now: Time) {
+        if self.nodes.values().all(|node| node.lines.is_empty()) {
+            return;
+        }
         let paths: Vec<String> = self.nodes.keys().cloned().collect();
         for path in paths {
             let lines = self.nodes.get(&path).map_or(0, |node| node.lines.len());
