@@ -51,6 +51,13 @@ fn no_built_in_node_allocates_in_a_step() {
             "{text}\n[nodes.button]\ntype = \"estop_line\"\nperiod_ms = 20\nconfig = {{ file = {:?} }}\n",
             button.display().to_string()
         );
+        // What no robot that comes along wires yet.
+        let text = match name {
+            "service" => format!(
+                "{text}[nodes.near]\ntype = \"ranges\"\ntrigger = \"ranger\"\nreads.ranger = \"/drivers/base/sonar\"\n"
+            ),
+            _ => text,
+        };
         let robot = Robot::parse(&text, name, Resources::Embedded(files), &types).unwrap();
         used.extend(robot.nodes.iter().map(|node| node.kind.name));
         let mut host = SimulatedHost::new(&robot, 5, Time::ZERO).unwrap();
