@@ -33,7 +33,7 @@ const STEPS: &[Step] = &[
 ];
 
 /// What only some machines can do: not part of `check`.
-const EXTRAS: &[Step] = &[step("peers", &["make", "--no-print-directory", "-C", "benches/peers/mrpt"])];
+const EXTRAS: &[Step] = &[step("mrpt", &["make", "--no-print-directory", "-C", "benches/peers/mrpt"])];
 
 fn main() -> ExitCode {
     let mut wanted: Vec<String> = std::env::args().skip(1).collect();
