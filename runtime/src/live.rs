@@ -170,6 +170,9 @@ pub fn run(
     }
     barrier.wait();
     if !sys::stop_requested() {
+        if robot.realtime.lock_memory {
+            sys::forget_startup_code();
+        }
         ready(&grants.lock().unwrap_or_else(|e| e.into_inner()));
     }
     for (instance, thread) in threads {

@@ -34,6 +34,25 @@ pub fn shift_fifo(tid: i32, by: i32) -> Result<(), Errno> {
     if status == 0 { Ok(()) } else { Err(last_error()) }
 }
 
+/// Gives back the pages of this program's code that only its start has needed: parsing, opening, help texts. Whatever runs
+/// from now on comes back page by page from the page cache, and stays.
+pub fn forget_startup_code() {
+    let Ok(program) = std::env::current_exe() else { return };
+    let Ok(maps) = std::fs::read_to_string("/proc/self/maps") else { return };
+    let code = |line: &&str| line.contains(" r-xp ") && line.ends_with(&*program.to_string_lossy());
+    for line in maps.lines().filter(code) {
+        let bounds = line.split(' ').next().and_then(|range| range.split_once('-'));
+        let Some((from, to)) = bounds.and_then(|(from, to)| {
+            Some((usize::from_str_radix(from, 16).ok()?, usize::from_str_radix(to, 16).ok()?))
+        }) else {
+            continue;
+        };
+        // SAFETY: the kernel has just named this range as a private, read-only map of the program's file: no byte of it
+        // was ever written, so what is dropped is what the file holds, and the next access brings it back.
+        unsafe { libc::madvise(from as *mut libc::c_void, to - from, libc::MADV_DONTNEED_LOCKED) };
+    }
+}
+
 /// Locks what is mapped and what will be touched into memory, page by page as it is touched.
 pub fn lock_memory() -> Result<(), Errno> {
     // SAFETY: no memory is passed.
