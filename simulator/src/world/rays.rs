@@ -12,8 +12,6 @@ use crate::geometry::{Circle, Point, Segment};
 const CELL_M: [f64; 2] = [0.1, 2.0];
 /// Edge of a cell in mean distances between primitives: measured, see docs/decisions/0005-ray-casting.md.
 const CELL_PER_GAP: f64 = 2.0;
-/// Edge of a cell in mean lengths of the segments, where these are the more (`examples/swarm.rs`).
-const CELL_PER_SIDE: f64 = 2.0;
 /// Cells at most; larger worlds get larger cells rather than more of them.
 const MAX_CELLS: f64 = 4_000_000.0;
 /// Marks a cell that is not empty; the rest is the index of its list.
@@ -244,8 +242,5 @@ fn cell_m(low: Point, high: Point, segments: &[Segment], circles: &[Circle]) -> 
     let (width, height) = ((high.x_m - low.x_m).max(CELL_M[0]), (high.y_m - low.y_m).max(CELL_M[0]));
     let gap_m = (width * height / primitives.max(1) as f64).sqrt();
     let least_m = (width * height / MAX_CELLS).sqrt().max(width.max(height) / MAX_CELLS);
-    // Outlines drawn with many short sides crowd along their curves, far closer than the mean over the area says.
-    let side_m = segments.iter().map(Segment::length_m).sum::<f64>() / segments.len().max(1) as f64;
-    let crowd_m = if segments.len() > circles.len() { CELL_PER_SIDE * side_m } else { f64::INFINITY };
-    (CELL_PER_GAP * gap_m).min(crowd_m).clamp(CELL_M[0], CELL_M[1]).max(least_m)
+    (CELL_PER_GAP * gap_m).clamp(CELL_M[0], CELL_M[1]).max(least_m)
 }
