@@ -50,7 +50,7 @@ const LAYOUTS: &[(&str, usize, u64)] = &[
     ("SetPose", 24, 0x9320_5049_dedd_6b94),
     ("Sound", 16, 0x2b97_d221_0b71_2ccc),
     ("StepEvents", 16, 0xbe5a_8583_77ec_fbb8),
-    ("StepInputs", 32, 0x4745_d93b_2f66_6049),
+    ("StepInputs", 40, 0xa811_196f_630f_0ed0),
     ("SupervisorState", 24, 0x1dc4_e173_7ec8_64da),
     ("Switch", 8, 0xa461_43bc_51c2_bc5a),
     ("Track", 256, 0xa4ac_1f24_f08a_4da2),
