@@ -2,7 +2,7 @@
 //!
 //! A tracker in clutter makes movers of what stands: pieces of one thing come into sight and go, and their middle seems to
 //! run. What truly moves comes to places that were free just before. So a mover is believed when fewer than half of the
-//! beams that end on it end where beams have ended for longer than [`OLD_MS`]. Where it is hidden, what was believed before
+//! beams that end on it end where beams have ended for longer than `OLD_MS`. Where it is hidden, what was believed before
 //! is believed still.
 
 use super::pose::Point;

@@ -42,9 +42,9 @@ pub fn forget_startup_code() {
     let code = |line: &&str| line.contains(" r-xp ") && line.ends_with(&*program.to_string_lossy());
     for line in maps.lines().filter(code) {
         let bounds = line.split(' ').next().and_then(|range| range.split_once('-'));
-        let Some((from, to)) = bounds.and_then(|(from, to)| {
-            Some((usize::from_str_radix(from, 16).ok()?, usize::from_str_radix(to, 16).ok()?))
-        }) else {
+        let Some((from, to)) = bounds
+            .and_then(|(from, to)| Some((usize::from_str_radix(from, 16).ok()?, usize::from_str_radix(to, 16).ok()?)))
+        else {
             continue;
         };
         // SAFETY: the kernel has just named this range as a private, read-only map of the program's file: no byte of it

@@ -3,9 +3,9 @@
 //! The state is a struct of arrays. A step reads the poses of its beginning alone and writes each robot's own next
 //! state, so that robots can be shared out over any number of threads and the result is the same to the last bit:
 //!
-//! 1. the index of neighbours is built anew ([`neighbours`]);
-//! 2. every robot, in parallel: its rays are cast ([`sense`]), its controller decides ([`steer`]), its way is cut where
-//!    something stands ([`stride`]);
+//! 1. the index of neighbours is built anew (`neighbours`);
+//! 2. every robot, in parallel: its rays are cast (`sense`), its controller decides (`steer`), its way is cut where
+//!    something stands (`stride`);
 //! 3. the new state takes the old one's place.
 //!
 //! Cost grows with robots × rays, and hardly with the map: a ray looks at the cells that it passes. A step allocates
