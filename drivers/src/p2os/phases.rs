@@ -49,7 +49,7 @@ pub struct Core {
     line_baud: Option<u32>,
     /// The port was open and is being opened anew at our own wish.
     is_reopening: bool,
-    /// Who a predecessor has found at the other end of the line that this session is given.
+    /// Who a predecessor has found at the other end of the line that is handed over.
     inherits: Option<Identity>,
 }
 
