@@ -33,7 +33,11 @@ const STEPS: &[Step] = &[
 ];
 
 /// What only some machines can do: not part of `check`.
-const EXTRAS: &[Step] = &[step("mrpt", &["make", "--no-print-directory", "-C", "benches/peers/mrpt"])];
+const EXTRAS: &[Step] = &[
+    step("mrpt", &["make", "--no-print-directory", "-C", "benches/peers/mrpt"]),
+    // 10,000 missions under faults, and what SINEW_LONG=1 adds to the tests: an hour.
+    step("nightly", &[".ci/nightly"]),
+];
 
 fn main() -> ExitCode {
     let mut wanted: Vec<String> = std::env::args().skip(1).collect();

@@ -73,6 +73,7 @@ pub fn run(args: &Args, types: &[NodeType]) -> Result<(), Failure> {
         ["simple_10000"] => swarm(HOSPITAL, Kind::simple(12, 2.0), 10_000, args)?,
         ["peer_task"] => swarm("office:1:50x50", Kind::pioneer_with_laser(180, 10.0), 50, args)?,
         ["wander"] => whole(0, args, types)?,
+        ["missions", count] => return super::missions::run(number(count)?, args.threads, types),
         // Rows of the growth table.
         ["robots", count] => swarm(HOSPITAL, Kind::simple(12, 2.0), number(count)?, args)?,
         ["rays", count] => swarm(HOSPITAL, Kind::simple(number(count)?, 2.0), 1000, args)?,
@@ -151,7 +152,7 @@ fn measure(args: &Args, step_s: f64, mut step: impl FnMut() -> Result<(), Failur
 }
 
 /// Greatest resident memory of this process so far [MiB].
-fn greatest_rss_mib() -> f64 {
+pub fn greatest_rss_mib() -> f64 {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
     let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"));
     let kib = line.and_then(|rest| rest.split_whitespace().next()).and_then(|text| text.parse::<f64>().ok());
