@@ -159,8 +159,19 @@ impl<'a> Sweep<'a> {
         Sweep { footprint, velocity, arc: turns.then(|| Arc::new(footprint, v / w)) }
     }
 
+    /// Whether `p` is so near to the swept area that its contact must be worked out. Cheap, and true for few points.
+    pub fn may_touch(&self, p: Point) -> bool {
+        match &self.arc {
+            Some(arc) => arc.may_touch(p),
+            None => p.y_m.abs() <= self.footprint.half_width_m,
+        }
+    }
+
     /// See [`Footprint::contact_s`].
     pub fn contact_s(&self, p: Point) -> f64 {
+        if !self.may_touch(p) {
+            return f64::INFINITY;
+        }
         let moves = self.velocity != Velocity::ZERO;
         if moves && self.footprint.holds(p) {
             return if self.footprint.deepens(self.velocity, p) { 0.0 } else { f64::INFINITY };
@@ -195,15 +206,17 @@ impl Arc {
         Arc { centre_y_m, corners, near_sq, far_sq }
     }
 
+    /// Whether the circle of `p` meets the footprint; refuses a point that is no number.
+    fn may_touch(&self, p: Point) -> bool {
+        let y = p.y_m - self.centre_y_m;
+        let radius_sq = p.x_m * p.x_m + y * y;
+        radius_sq >= self.near_sq && radius_sq <= self.far_sq
+    }
+
     /// Angle by which the body turns, towards the sign of `w`, until it touches a point outside; +∞ for never [rad].
     fn turn_to_contact_rad(&self, p: Point, w: f64) -> f64 {
         let (px, py) = (p.x_m, p.y_m - self.centre_y_m);
         let radius_sq = px * px + py * py;
-        // Cheap, and true for few points; also refuses a point that is no number.
-        let meets = radius_sq >= self.near_sq && radius_sq <= self.far_sq;
-        if !meets {
-            return f64::INFINITY;
-        }
         // The point runs against the body's own turning. Directions are told apart by a number that grows with the
         // angle and needs no arc tangent; only the nearest one's angle is worked out.
         let mut nearest = (f64::INFINITY, 0.0, 1.0);

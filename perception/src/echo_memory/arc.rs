@@ -89,6 +89,18 @@ pub(super) struct Free {
 }
 
 impl Free {
+    /// Whether it can deny anything within `room_m` of a place; true more often than need be.
+    pub(super) fn sees_into(&self, x_m: f64, y_m: f64, room_m: f64) -> bool {
+        let (dx, dy) = (x_m - self.x_m, y_m - self.y_m);
+        let along_m = dx * self.axis_x + dy * self.axis_y;
+        let most_m = self.reach_m + room_m;
+        let away_sq = dx * dx + dy * dy;
+        // The nearest edge of the disc to the axis: along + room ≥ cos·(away − room), without a root.
+        let slack_m = along_m + room_m * (1.0 + self.cos_sure);
+        let abreast = self.cos_sure > 0.0 && slack_m * slack_m < self.cos_sure * self.cos_sure * away_sq;
+        along_m > -room_m && away_sq < most_m * most_m && !abreast
+    }
+
     /// Whether a place is said to be free by somebody who looked along about the unit vector (`look_x`, `look_y`).
     pub(super) fn denies(&self, x_m: f64, y_m: f64, look_x: f64, look_y: f64, cos_askance: f64) -> bool {
         let (dx, dy) = (x_m - self.x_m, y_m - self.y_m);
