@@ -15,6 +15,7 @@
 mod arc;
 mod config;
 mod reading;
+mod spots;
 #[cfg(test)]
 mod tests;
 
@@ -25,6 +26,7 @@ use arc::{Arc, Free, Spot, near};
 use messages::{Beam, Echo, Ranges};
 use reading::{Heard, Reading};
 use runtime::{Time, math};
+use spots::Spots;
 
 /// Readings that are recalled.
 const RECALLED: usize = 512;
@@ -36,7 +38,7 @@ const DENIALS: usize = 2;
 /// The memory.
 #[derive(Debug)]
 pub struct EchoMemory {
-    spots: Vec<Spot>,
+    spots: Spots,
     /// The last readings, in a ring.
     recalled: Vec<Free>,
     next: usize,
@@ -53,7 +55,7 @@ impl EchoMemory {
     /// Empty, with all the room it will ever take.
     pub fn new(config: MemoryConfig) -> EchoMemory {
         let cos_askance = math::cos(config.denies_askance_rad);
-        let (spots, recalled) = (Vec::with_capacity(config.capacity), Vec::with_capacity(RECALLED));
+        let (spots, recalled) = (Spots::new(config.capacity), Vec::with_capacity(RECALLED));
         let (about, witnesses) = (Vec::with_capacity(config.capacity), Vec::with_capacity(RECALLED));
         EchoMemory { spots, recalled, next: 0, about, witnesses, config, cos_askance, lost: 0 }
     }
@@ -65,7 +67,7 @@ impl EchoMemory {
 
     /// Whether nothing is remembered.
     pub fn is_empty(&self) -> bool {
-        self.spots.is_empty()
+        self.spots.len() == 0
     }
 
     /// Forgets everything.
@@ -123,7 +125,7 @@ impl EchoMemory {
 
     /// Hands every spot as a beam of the body at `place`, with its age at `now`, to `each`.
     pub fn each(&self, now: Time, place: &Place, mut each: impl FnMut(Beam)) {
-        for spot in &self.spots {
+        for spot in self.spots.iter() {
             let (x_m, y_m) = place.inward(spot.x_m, spot.y_m);
             each(Beam {
                 origin_x_m: 0.0,
@@ -140,13 +142,20 @@ impl EchoMemory {
         if free.reach_m <= 0.0 {
             return;
         }
-        let cos_askance = self.cos_askance;
-        self.spots.retain_mut(|spot| {
-            if free.denies(spot.x_m, spot.y_m, spot.look_x, spot.look_y, cos_askance) {
+        let EchoMemory { spots, about, cos_askance, .. } = self;
+        spots.find(about, |x_m, y_m| free.may_deny(x_m, y_m));
+        let mut forgotten = false;
+        for &k in about.iter() {
+            let mut spot = spots[k];
+            if free.denies(spot.x_m, spot.y_m, spot.look_x, spot.look_y, *cos_askance) {
                 spot.confirmations -= 1;
+                forgotten |= spot.confirmations == 0;
+                spots.set(k, spot);
             }
-            spot.confirmations > 0
-        });
+        }
+        if forgotten {
+            spots.retain(|spot| spot.confirmations > 0);
+        }
     }
 
     fn recall(&mut self, free: Free) {
@@ -167,7 +176,7 @@ impl EchoMemory {
         let (x_m, y_m) = (arc.x_m + arc.radius_m * arc.axis_x, arc.y_m + arc.radius_m * arc.axis_y);
         let room_m = 0.5 * width_rad * arc.radius_m + ROUNDING_M;
         witnesses.clear();
-        let see = |free: &Free| time.since(free.time) <= config.recall_s && free.sees_into(x_m, y_m, room_m);
+        let see = |free: &Free| free.sees_into(x_m, y_m, room_m) && time.since(free.time) <= config.recall_s;
         witnesses.extend(recalled.iter().enumerate().filter(|(_, free)| see(free)).map(|(k, _)| k));
     }
 
@@ -187,10 +196,12 @@ impl EchoMemory {
         let EchoMemory { spots, about, config: c, .. } = self;
         let within_m = c.spacing_m.max(c.on_arc_within_m).max(c.same_within_m) + ROUNDING_M;
         let (least_m, most_m) = ((arc.radius_m - within_m).max(0.0), arc.radius_m + within_m);
-        let band = least_m * least_m..=most_m * most_m;
-        about.clear();
-        let away_sq = |spot: &Spot| (spot.x_m - arc.x_m) * (spot.x_m - arc.x_m) + (spot.y_m - arc.y_m) * (spot.y_m - arc.y_m);
-        about.extend(spots.iter().enumerate().filter(|(_, spot)| band.contains(&away_sq(spot))).map(|(k, _)| k));
+        let (least_sq, most_sq) = (least_m * least_m, most_m * most_m);
+        spots.find(about, |x_m, y_m| {
+            let (dx, dy) = (x_m - arc.x_m, y_m - arc.y_m);
+            let away_sq = dx * dx + dy * dy;
+            (away_sq >= least_sq) & (away_sq <= most_sq)
+        });
     }
 
     fn add_arc(&mut self, time: Time, reading: &Reading, distance_m: f64) {
@@ -271,7 +282,7 @@ impl EchoMemory {
             if spot.confirmations >= c.explains_from && best.is_none_or(|(most, ..)| spot.confirmations > most) {
                 best = Some((spot.confirmations, spot.x_m, spot.y_m));
             }
-            self.spots[k] = spot;
+            self.spots.set(k, spot);
         }
         if let Some(at) = grown {
             // What came of earlier arcs through it is explained now, too.
@@ -291,12 +302,12 @@ impl EchoMemory {
         let same = |k: usize| near((spots[k].x_m, spots[k].y_m), (new.x_m, new.y_m), config.same_within_m);
         if let Some(k) = about.iter().copied().find(|&k| same(k)) {
             // The place stays: the false end of an arc that moves along with the body must not carry its spot along.
-            spots[k].seen = new.seen;
+            spots.set(k, Spot { seen: new.seen, ..spots[k] });
             return;
         }
-        if spots.len() < config.capacity {
-            about.push(spots.len());
-            spots.push(new);
+        let k = spots.len();
+        if spots.push(new) {
+            about.push(k);
         } else {
             self.lost += 1;
         }
