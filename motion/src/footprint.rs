@@ -219,7 +219,7 @@ impl Arc {
     fn may_touch(&self, p: Point) -> bool {
         let y = p.y_m - self.centre_y_m;
         let radius_sq = p.x_m * p.x_m + y * y;
-        radius_sq >= self.near_sq && radius_sq <= self.far_sq
+        (radius_sq >= self.near_sq) & (radius_sq <= self.far_sq)
     }
 
     /// Angle by which the body turns, towards the sign of `w`, until it touches a point outside; +∞ for never [rad].

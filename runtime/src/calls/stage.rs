@@ -150,7 +150,16 @@ impl Stage {
     ) -> Arc<Stage> {
         let progress_bytes = progress.map_or(0, |shape| shape.bytes);
         let places = (0..PLACES).map(|_| Place::new(request.bytes, progress_bytes, answer.bytes)).collect();
-        Arc::new(Stage { command, kind, request, progress, answer, places, waiting: AtomicU32::new(0), waker: OnceLock::new() })
+        Arc::new(Stage {
+            command,
+            kind,
+            request,
+            progress,
+            answer,
+            places,
+            waiting: AtomicU32::new(0),
+            waker: OnceLock::new(),
+        })
     }
 
     /// How the step wakes the pump. False when a pump has it already.
