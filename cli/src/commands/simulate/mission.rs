@@ -4,7 +4,7 @@ use crate::batch::{Faults, Scenario};
 use crate::exit::{CHECK, Failure, USAGE};
 use crate::load::{self, Changes};
 use crate::picture;
-use crate::simulation::{self, Fnv, Run};
+use crate::simulation::{self, Fingerprint, Run};
 use runtime::robot::Robot;
 use runtime::{NodeType, OpenError};
 use std::path::PathBuf;
@@ -94,7 +94,7 @@ impl Plan {
 
     /// Tells program, robot, world, scenario and faults apart.
     pub fn setup(&self) -> String {
-        let mut hash = Fnv::default();
+        let mut hash = Fingerprint::default();
         for node in &self.robot.nodes {
             hash.add(format!("{node:?}").as_bytes());
         }
