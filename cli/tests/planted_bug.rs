@@ -132,6 +132,7 @@ fn end_to_end(folder: &Path) {
     let report = bench.read("planted.html");
     let commands: Vec<String> = report
         .lines()
+        .filter(|line| line.starts_with("<section>"))
         .filter_map(|line| Some(line.split_once("<pre>")?.1.split_once("</pre>")?.0.to_owned()))
         .map(|text| text.replace("&quot;", "\"").replace("&lt;", "<").replace("&gt;", ">").replace("&amp;", "&"))
         .collect();

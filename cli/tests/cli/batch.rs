@@ -164,7 +164,7 @@ fn two_configurations_are_compared_on_the_same_seeds() {
     let speed = metric("max_speed_m_s");
     let at = |key: &str, side: usize| speed[key][side].as_f64().unwrap();
     assert!(speed["significant"] == true && at("interval", 1) < -0.05, "{speed}");
-    assert!((at("mean", 0) - 0.3).abs() < 0.02 && (at("mean", 1) - 0.2).abs() < 0.02, "{speed}");
+    assert!((at("mean", 0) - 0.3).abs() < 0.04 && (at("mean", 1) - 0.2).abs() < 0.04, "{speed}");
     let said = place.sinew(&["compare", &a, &slower]);
     assert!(said.out.contains("20 seeds in common") && said.out.contains("differs"), "{said:?}");
     let same = place.sinew(&["compare", &a, &a]);
