@@ -236,6 +236,7 @@ impl Host<'_> {
 
     fn look_for_standby_ready(&mut self, node: usize) {
         if self.slots[node].standby.as_mut().is_some_and(Process::take_ready) {
+            self.slots[node].standby_waits = true;
             self.take(Event::StandbyReady { node });
         }
     }
