@@ -9,8 +9,8 @@ const GROUPS: [(&str, &[&str]); 5] = [
     (
         "Run a robot",
         &[
-            "run", "drive", "goto", "mode", "down", "estop", "reset", "resume", "start", "stop", "restart", "simulate",
-            "compare", "barn",
+            "run", "drive", "goto", "mode", "down", "estop", "reset", "resume", "start", "stop", "restart", "replace",
+            "simulate", "compare", "barn",
         ],
     ),
     ("Look at a running robot", &["top", "incidents", "ls", "cat", "hz", "logs", "call"]),
@@ -180,6 +180,17 @@ JSON (--json): robot, node, request, ok.";
 pub const RESTART: &str = "\
 Examples:
   sinew restart steer_clear         stops a node in order and starts it again
+
+JSON (--json): robot, node, request, ok.";
+
+pub const REPLACE: &str = "\
+Examples:
+  sinew replace steer_clear                           starts the node's program anew, as its file is now
+  sinew replace steer_clear --program ./sinew-new     another build of it
+
+The new process opens everything beside the living one. When it waits, the living one is stopped in order and the new
+one takes its paths. One that does not open is ended and nothing changes; one that dies within its trial
+(care.trial_s) is taken back. `sinew incidents` tells which it was.
 
 JSON (--json): robot, node, request, ok.";
 

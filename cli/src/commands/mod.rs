@@ -80,6 +80,8 @@ enum Command {
     Stop(steer::Args),
     #[command(after_help = help::RESTART)]
     Restart(steer::Args),
+    #[command(after_help = help::REPLACE)]
+    Replace(steer::ReplaceArgs),
     #[command(after_help = help::TOP)]
     Top(top::Args),
     #[command(after_help = help::INCIDENTS)]
@@ -165,6 +167,7 @@ fn dispatch(command: Command, types: &[NodeType]) -> Result<(), Failure> {
         Command::Start(args) => steer::run(&args, "start"),
         Command::Stop(args) => steer::run(&args, "stop"),
         Command::Restart(args) => steer::run(&args, "restart"),
+        Command::Replace(args) => steer::replace(&args),
         Command::Top(args) => top::run(&args),
         Command::Incidents(args) => incidents::run(&args),
         Command::Ls(args) => ls::run(args),
