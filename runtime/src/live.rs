@@ -355,7 +355,7 @@ impl NodeThread {
             *opened.ports.latch.place.borrow_mut() = LatchPlace::Shared(tree.latch);
         }
         if let Some(line) = line {
-            *opened.ports.keepsake.0.borrow_mut() = KeepPlace::Line(line);
+            *opened.ports.keepsake.place.borrow_mut() = KeepPlace::Line(line);
             let period_s = spec.period_ns.map_or(0.0, |period| period as f64 * 1e-9);
             let deadline_s = spec.deadline_ns.map_or(0.0, |deadline| deadline as f64 * 1e-9);
             let limit_s = SILENT_S.max(3.0 * period_s).max(3.0 * deadline_s);

@@ -18,11 +18,13 @@ mod help;
 mod hz;
 mod incidents;
 mod info;
+mod live;
 mod logs;
 mod ls;
 mod mode;
 pub mod node;
 mod play;
+mod play_remote;
 mod record;
 mod recover;
 mod replay;
@@ -96,6 +98,8 @@ enum Command {
     Logs(logs::Args),
     #[command(after_help = help::RECORD)]
     Record(record::Args),
+    #[command(after_help = help::LIVE)]
+    Live(live::Args),
     #[command(after_help = help::INFO)]
     Info(info::Args),
     #[command(after_help = help::PLAY)]
@@ -172,6 +176,7 @@ fn dispatch(command: Command, types: &[NodeType]) -> Result<(), Failure> {
         Command::Call(args) => call::run(args),
         Command::Logs(args) => logs::run(args),
         Command::Record(args) => record::run(args, types),
+        Command::Live(args) => live::run(&args),
         Command::Info(args) => info::run(args),
         Command::Play(args) => play::run(args),
         Command::Replay(args) => replay::run(args, types),
