@@ -270,6 +270,9 @@ fn another_program_replaces_a_node_in_mid_drive_and_one_that_fails_changes_nothi
         pid != before && std::fs::read_link(format!("/proc/{pid}/exe")).is_ok_and(|program| program == other)
     });
     robot.until("it is on record", || robot.incidents().iter().any(|record| record.event == "replaced"));
+    robot.until("it is ready", || {
+        robot.status().nodes.iter().any(|node| node.instance == "/actions/steer_clear" && node.state == "running")
+    });
     let replaced = robot.node("/actions/steer_clear");
     // One that cannot even open: the living one is not touched.
     assert!(robot.sinew(&["replace", "steer_clear", "--program", "/bin/false"]).status.success());
@@ -285,6 +288,33 @@ fn another_program_replaces_a_node_in_mid_drive_and_one_that_fails_changes_nothi
         pid != replaced && program == PathBuf::from(env!("CARGO_BIN_EXE_sinew"))
     });
     robot.moves();
+    robot.end();
+}
+
+#[test]
+fn a_reaction_executes_a_command_and_waits_for_a_path_and_tells_when_either_fails() {
+    let mut robot = Robot::new();
+    let mark = robot.base.join("mark");
+    let script = format!("echo $SINEW_ROBOT > {}; echo said", mark.display());
+    let reaction = |acts: &str| format!("{{ node = \"forward\", when = \"death\", do = [{acts}] }}");
+    let reactions = [
+        reaction(&format!(
+            "{{ execute = [\"sh\", \"-c\", {script:?}] }}, \
+             {{ wait_for = {{ path = \"/actions/forward/proposal\", within_ms = 20000 }} }}, \"notify\""
+        )),
+        reaction("{ execute = [\"false\"] }, \"notify\""),
+        reaction("{ wait_for = { path = \"/actions/nobody/proposal\", within_ms = 50 } }, \"notify\""),
+    ];
+    robot.start(&["--set", &format!("supervision.reactions=[{}]", reactions.join(","))]);
+    robot.moves();
+    kill(robot.node("/actions/forward"), Signal::KILL);
+    robot.until("the command has run", || std::fs::read_to_string(&mark).is_ok_and(|name| name.trim() == robot.name));
+    let told = || robot.incidents().into_iter().filter(|record| record.event.contains("reaction")).collect::<Vec<_>>();
+    robot.until("all three are on record", || told().len() == 3);
+    let failed = told().into_iter().filter(|record| record.message.contains("failed")).count();
+    assert_eq!(failed, 2, "{:?}", told());
+    let log = robot.base.join("state").join(&robot.name).join("reactions.log");
+    assert_eq!(std::fs::read_to_string(log).unwrap(), "said\n");
     robot.end();
 }
 
