@@ -50,6 +50,8 @@ impl Figures {
                 let mut values: Vec<f64> = finite.collect();
                 values.sort_by(f64::total_cmp);
                 let (mean, deviation) = mean_and_deviation(&values);
+                // What rounding alone makes of equal values is no deviation.
+                let deviation = if deviation > 1e-12 * mean.abs() { deviation } else { 0.0 };
                 let last = values.len().saturating_sub(1) as f64;
                 let at = |q: f64| values.get((q * last).round() as usize).copied().unwrap_or(f64::NAN);
                 Figures { metric, unit, mean, deviation, quantiles: [0.0, 0.05, 0.5, 0.95, 1.0].map(at) }

@@ -30,7 +30,7 @@ pub fn histogram(missions: &[Mission], value: Metric) -> Option<String> {
     let most = bars.iter().map(|[good, bad]| good + bad).max().unwrap_or(1).max(1);
     let wide = (WIDTH - LEFT) / BARS as f64;
     let base = TALL + 8.0;
-    let mut text = format!("<svg width=\"{WIDTH}\" height=\"{:.0}\" role=\"img\">", base + 18.0);
+    let mut text = format!("<svg width=\"{WIDTH}\" height=\"{:.0}\" role=\"img\" font-size=\"11\">", base + 18.0);
     for (k, counts) in bars.iter().enumerate() {
         let mut top = base;
         for (count, colour) in counts.iter().zip(["#3b6fb6", "#b3261e"]).filter(|(count, _)| **count > 0) {

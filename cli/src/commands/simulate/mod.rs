@@ -53,6 +53,7 @@ pub fn run(args: Args, types: &[NodeType]) -> Result<(), Failure> {
         return Err(Failure::new(USAGE, "--expect: give a single seed, as in --seeds 7..8"));
     }
     let plan = args.mission.plan(types)?;
+    crate::picture::notes_of(&plan.robot).iter().for_each(|note| eprintln!("note: {note}"));
     let jobs = args.jobs.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, usize::from));
     if args.batch.wanted() || args.mission.scenario.is_some() {
         return batch::run(&args, &plan, seeds, jobs);
