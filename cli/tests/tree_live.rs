@@ -319,6 +319,49 @@ fn a_reaction_executes_a_command_and_waits_for_a_path_and_tells_when_either_fail
 }
 
 #[test]
+fn settings_and_wires_change_while_it_drives_and_what_is_refused_changes_nothing() {
+    let mut robot = Robot::new();
+    let folder = robot.base.join("robot");
+    std::fs::create_dir_all(folder.join("worlds")).unwrap();
+    let own = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../robots/pioneer");
+    for file in ["robot.toml", "worlds/office.toml"] {
+        std::fs::copy(own.join(file), folder.join(file)).unwrap();
+    }
+    let file = folder.join("robot.toml");
+    let before = std::fs::read_to_string(&file).unwrap();
+    robot.start(&[&folder.display().to_string()]);
+    robot.moves();
+    let refused = |words: &[&str], why: &str| {
+        let nodes = robot.nodes();
+        let output = robot.sinew(words);
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(!output.status.success() && said.contains(why), "{words:?}: {said}");
+        assert_eq!(robot.nodes(), nodes, "{words:?}");
+    };
+    refused(&["set", "forward.sped_m_s", "0.1", "--save"], "did you mean \"speed_m_s\"?");
+    refused(&["set", "forward.speed_m_s", "-1"], "speed_m_s");
+    refused(&["set", "forwrd.speed_m_s", "0.1"], "has no node \"forwrd\"");
+    refused(&["wire", "steer_clear.ranges", "/perception/odometry/pose"], "carries Odometry");
+    refused(&["wire", "steer_clear.ranges", "/perception/nobody/pose"], "no node of this robot writes");
+    assert_eq!(std::fs::read_to_string(&file).unwrap(), before);
+    assert!(robot.sinew(&["set", "forward.speed_m_s", "0.11", "--save"]).status.success());
+    assert!(robot.sinew(&["wire", "/actions/steer_clear.ranges", "/perception/echoes/ranges"]).status.success());
+    let saved = std::fs::read_to_string(&file).unwrap();
+    let lines = |text: &str| text.lines().map(str::to_owned).collect::<std::collections::BTreeSet<_>>();
+    let new: Vec<String> = lines(&saved).difference(&lines(&before)).cloned().collect();
+    assert_eq!(new, ["config = { speed_m_s = 0.11 }"], "comments and all else stay");
+    // A new process of the same node, much later, has both.
+    robot.until("both are ready", || robot.status().nodes.iter().all(|node| node.state == "running"));
+    let launch = std::fs::read_to_string(robot.root().join(".run/launch.json")).unwrap();
+    assert!(
+        launch.contains("speed_m_s = 0.11") && launch.contains("ranges = \\\"/perception/echoes/ranges\\\""),
+        "{launch}"
+    );
+    robot.moves();
+    robot.end();
+}
+
+#[test]
 fn a_stop_lasts_until_it_is_reset_and_resumed_whoever_dies_meanwhile() {
     let mut robot = Robot::new().run(&[]);
     robot.moves();
