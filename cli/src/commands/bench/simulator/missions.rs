@@ -4,7 +4,7 @@
 //! and its time is scaled up to 10,000; `--long` simulates them all. A tenth of the seeds is simulated once more without
 //! faults and without the supervisor's policy, on one thread: what faults cost is the ratio of the core times.
 
-use super::super::process::Activity;
+use super::super::process::own_thread_ns;
 use super::super::report::{Row, Target, Value};
 use super::row::greatest_rss_mib;
 use crate::batch::{self, Faults, Mission, Scenario};
@@ -14,6 +14,7 @@ use crate::simulation;
 use runtime::{NodeType, OpenError, clock};
 use serde::{Deserialize, Serialize};
 use std::process::Command;
+use std::sync::atomic::{AtomicU64, Ordering};
 use supervisor::FaultRates;
 
 /// Missions of the row, and of a sample of them.
@@ -58,16 +59,21 @@ pub fn measure(part: f64, long: bool) -> Result<Missions, Failure> {
 pub fn run(count: usize, threads: usize, types: &[NodeType]) -> Result<(), Failure> {
     let robot = load::robot(None, &Changes::default(), types)?;
     let (scenario, faults) = (Scenario::of_length(MISSION_S), Faults::from(FaultRates::CHAOS));
-    let own = std::process::id();
-    let on_core_ns = || Activity::of(own).unwrap_or_default().on_core_ns;
     // The first run pays for what the others find in the caches.
     simulation::run(&robot, 0, 1.0, Some(&faults))?;
     let work = |seeds: usize, faults: Option<&Faults>, threads: usize| {
         let seeds: Vec<u64> = (0..seeds as u64).collect();
-        let (begin, begin_ns) = (clock::now(), on_core_ns());
-        let judge = |seed: u64| Ok(Mission::judge(&scenario, &simulation::run(&robot, seed, MISSION_S, faults)?));
+        // Each thread's own: those that have ended are no longer in the process's sum.
+        let on_core_ns = AtomicU64::new(0);
+        let begin = clock::now();
+        let judge = |seed: u64| {
+            let begin_ns = own_thread_ns();
+            let mission = Mission::judge(&scenario, &simulation::run(&robot, seed, MISSION_S, faults)?);
+            on_core_ns.fetch_add(own_thread_ns().saturating_sub(begin_ns), Ordering::Relaxed);
+            Ok(mission)
+        };
         let (missions, error) = batch::work::<OpenError>(&seeds, threads, &judge, &mut |_| true);
-        let (wall_s, core_s) = (clock::now().since(begin), (on_core_ns() - begin_ns) as f64 * 1e-9);
+        let (wall_s, core_s) = (clock::now().since(begin), on_core_ns.into_inner() as f64 * 1e-9);
         error.map_or(Ok((missions, wall_s, core_s)), Err)
     };
     let (missions, wall_s, core_s) = work(count, Some(&faults), threads)?;
