@@ -81,9 +81,10 @@ impl Contact {
         false
     }
 
-    /// Data flow.
-    pub fn up(&mut self) {
-        (self.link, self.misses) = (Link::Up, 0);
+    /// Data flow. Whether they did not before.
+    pub fn up(&mut self) -> bool {
+        self.misses = 0;
+        std::mem::replace(&mut self.link, Link::Up) != Link::Up
     }
 
     /// An answer did not come. `foreign`: something came all the same, which no such device would say.

@@ -242,9 +242,7 @@ impl Core {
             Phase::Variant => self.variant(now, body),
             Phase::Stream if is_well => {
                 self.phase = Phase::Running;
-                self.contact.up();
                 (self.last_scan, self.status, self.is_faulty) = (now, 0, false);
-                self.connections = self.connections.saturating_add(1);
                 on_event(Event::Sweep(&self.variant.sweep(self.scale)));
             }
             Phase::Stream => self.pause(now, Link::Foreign),
@@ -333,6 +331,8 @@ impl Core {
             return;
         };
         (self.last_scan, self.misfits) = (now, 0);
+        // Up with its first sound scan, so that one whose scans are none never looks well.
+        self.connections = self.connections.saturating_add(u32::from(self.contact.up()));
         self.scans = self.scans.saturating_add(1);
         self.is_faulty = is_error(scan.status);
         if !is_remarkable(scan.status) {

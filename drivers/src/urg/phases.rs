@@ -242,10 +242,8 @@ impl Core {
         match reply.status {
             status::OK => {
                 self.phase = Phase::Running;
-                self.contact.up();
                 self.last_scan = now;
                 (self.status, self.is_faulty) = (0, false);
-                self.connections = self.connections.saturating_add(1);
                 on_event(Event::Connected(&sensor, self.area));
             }
             status::SCAN if self.phase == Phase::Running => {
@@ -256,6 +254,8 @@ impl Core {
                         self.beams.clear();
                         self.beams.extend(self.values.iter().map(|(value, intensity)| sensor.beam(*value, *intensity)));
                         self.last_scan = now;
+                        // Up with its first sound scan, so that one whose scans are none never looks well.
+                        self.connections = self.connections.saturating_add(u32::from(self.contact.up()));
                         self.scans = self.scans.saturating_add(1);
                         (self.is_faulty, self.misfits) = (false, 0);
                         let span_s = sensor.delay_s(self.area.end);
