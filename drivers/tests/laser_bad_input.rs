@@ -142,7 +142,14 @@ const CASES: &[Case] = &[
     Case { name: "repeated", change: thrice, values: room, link: Link::Up, echoes: &[Echo::Value], fault: "" },
     Case { name: "reordered", change: reordered, values: room, link: Link::Up, echoes: &[Echo::Value], fault: "" },
     Case { name: "silent", change: nothing, values: room, link: Link::Silent, echoes: &[Echo::LinkLost], fault: "" },
-    Case { name: "one distance", change: same, values: |_, _| 3000, link: Link::Up, echoes: &[Echo::Fault], fault: "every beam" },
+    Case {
+        name: "one distance",
+        change: same,
+        values: |_, _| 3000,
+        link: Link::Up,
+        echoes: &[Echo::Fault],
+        fault: "every beam",
+    },
 ];
 
 fn check<N: Node, S: Scanner + Default>(case: &Case) {
@@ -218,7 +225,11 @@ fn scans_of_no_beams_are_none() {
         rig.run(3.0);
         assert!(rig.state().damaged > 0);
         assert_eq!(rig.echoes(), [Echo::LinkLost as u16]);
-        assert!(rig.faults.iter().any(|fault| fault.contains(BROKEN) || fault.contains("measures nothing")), "{:?}", rig.faults);
+        assert!(
+            rig.faults.iter().any(|fault| fault.contains(BROKEN) || fault.contains("measures nothing")),
+            "{:?}",
+            rig.faults
+        );
     }
     run::<Lms200, Lms>(|_, _| {
         let mut out = Vec::new();

@@ -116,3 +116,23 @@ fn our_session_reads_the_scans_that_mrpt_got_of_the_lms() {
     assert!(scans >= 8 && session.is_running(), "{scans} scans");
     assert_eq!(session.counts().2, 0, "no damaged telegram");
 }
+
+#[test]
+fn the_suites_refuse_what_is_damaged() {
+    let messages = urg::conformance::messages(&said("hokuyolx__ust-10lx", "S>C").concat());
+    let scan = messages.iter().find(|message| message.starts_with(b"MD") && message.len() > 1000).unwrap();
+    // Behind the echo every byte belongs to a sum.
+    for at in (17..scan.len()).step_by(7) {
+        let mut damaged = scan.clone();
+        damaged[at] ^= 1;
+        assert!(urg::conformance::judge(&damaged).is_err(), "byte {at}");
+    }
+    let (answers, _) = lms200::conformance::telegrams(&said("mrpt__lms200", "S>C").concat());
+    let of = |kind: u8| answers.iter().find(|answer| answer[0] == kind).unwrap().clone();
+    for (request, kind) in [(0x31, 0xB1), (0x74, 0xF4), (0x77, 0xF7), (0x3B, 0xBB), (0x30, 0xB0)] {
+        let answer = of(kind);
+        assert!(lms200::conformance::judge(&[request, 1], &answer).is_ok());
+        assert!(lms200::conformance::judge(&[request, 1], &answer[..answer.len() - 3]).is_err(), "{kind:02X} cut");
+        assert!(lms200::conformance::judge(&[request ^ 1, 1], &answer).is_err(), "{kind:02X} to another question");
+    }
+}

@@ -52,7 +52,11 @@ impl Rig {
             let rate_before = laser.baud;
             while let Some(request) = session.next_request(*now) {
                 let matches = *line_baud == laser.baud;
-                said.extend(laser.hear(&if matches { request.as_bytes().to_vec() } else { garbled(request.as_bytes()) }));
+                said.extend(laser.hear(&if matches {
+                    request.as_bytes().to_vec()
+                } else {
+                    garbled(request.as_bytes())
+                }));
             }
             if k % 20 == 0 {
                 let values: Vec<u32> = (0..laser.count() as u32).map(|beam| 1000 + beam).collect();

@@ -27,10 +27,14 @@ fn room() -> World {
 
 impl Rig {
     fn new(realism: Realism, config: SessionConfig) -> Rig {
+        Rig::within(room(), realism, config)
+    }
+
+    fn within(world: World, realism: Realism, config: SessionConfig) -> Rig {
         let laser = LaserSetup { model: "lms200".into(), x_m: 0.1, heading_rad: 0.2, ..LaserSetup::default() };
         let body = BodySetup { start: Some(Pose::default()), lasers: vec![laser], ..BodySetup::default() };
         let setup = Setup { bodies: vec![body], seed: 5, realism };
-        let mut simulation = Simulation::new(room(), &setup).unwrap();
+        let mut simulation = Simulation::new(world, &setup).unwrap();
         simulation.begin(Time::from_seconds(100.0));
         let mut session = Session::new(config);
         session.port(simulation.now(), Port::Open(1));
@@ -137,4 +141,41 @@ fn noise_is_as_large_as_the_data_sheet_says() {
     let mean = readings.iter().sum::<f64>() / readings.len() as f64;
     let sigma = (readings.iter().map(|r| (r - mean) * (r - mean)).sum::<f64>() / readings.len() as f64).sqrt();
     assert!((0.003..0.008).contains(&sigma), "{sigma} m");
+}
+
+/// Somebody comes straight towards the laser at 1.5 m/s.
+const WALKER: &str = r#"
+name = "walker"
+bounds_m = [-3.0, -4.0, 9.0, 4.0]
+[[person]]
+path_m = [[8.0, 1.62], [0.6, 0.12]]
+speed_m_s = 1.5
+phase = 0.0
+"#;
+
+#[test]
+fn somebody_who_comes_nearer_is_nearer_in_the_second_turn_of_an_interlaced_scan() {
+    let second_turn_nearer_m = |mirror: bool| {
+        let mut realism = Realism::none();
+        realism.laser.mirror = mirror;
+        let world = World::load("walker.toml", &mut |_| Ok(WALKER.as_bytes().to_vec())).unwrap();
+        let config = SessionConfig { variant: Variant::of(180, 50), ..SessionConfig::default() };
+        let mut rig = Rig::within(world, realism, config);
+        rig.run(3.0);
+        // The walls ahead are 8.9 m away: what is nearer is the walker.
+        let beams = &rig.scans.last().unwrap().1;
+        let walker: Vec<usize> = (1..360)
+            .filter(|&k| beams[k - 1..=k + 1].iter().all(|beam| beam.range_m < 5.0) && (170..190).contains(&k))
+            .collect();
+        assert!(walker.len() >= 4, "{} beams meet the walker", walker.len());
+        let odd = walker.iter().filter(|k| *k % 2 == 1);
+        let nearer: Vec<f64> = odd
+            .map(|&k| 0.5 * f64::from(beams[k - 1].range_m + beams[k + 1].range_m) - f64::from(beams[k].range_m))
+            .collect();
+        nearer.iter().sum::<f64>() / nearer.len() as f64
+    };
+    // A turn takes 13.3 ms: 20 mm at 1.5 m/s.
+    let (turning, frozen) = (second_turn_nearer_m(true), second_turn_nearer_m(false));
+    assert!((0.016..0.024).contains(&turning), "{turning} m");
+    assert!(frozen.abs() < 0.004, "{frozen} m");
 }

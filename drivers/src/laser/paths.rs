@@ -142,8 +142,6 @@ impl Paths {
     fn write_beams(&mut self, now: Time, news: &News) {
         let first = news.first.min(now).max(self.scan_written);
         let frame = self.frame(news.sensor_time_s);
-        self.scan.write_with_tail(first, &frame, news.beams);
-        self.scan_written = first;
         self.beams.clear();
         let (x_m, y_m) = (self.mount.x_m as f32, self.mount.y_m as f32);
         let places = self.bearings_rad.iter().zip(&self.ages_s);
@@ -162,8 +160,11 @@ impl Paths {
             beam_width_rad: 0.0,
             span_s: self.span_s as f32,
         };
+        // What others wait for goes first.
         self.ranges.write_with_tail(newest, &ranges, &self.beams);
         self.written = newest;
+        self.scan.write_with_tail(first, &frame, news.beams);
+        self.scan_written = first;
         self.has_news = true;
     }
 

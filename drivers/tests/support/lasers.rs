@@ -154,7 +154,9 @@ impl Scip {
             b"PP" => {
                 let mut out = reply(b"00");
                 let name = format!("MODL:{}", self.name);
-                for pair in [&name, "DMIN:23", "DMAX:60000", "ARES:1440", "AMIN:0", "AMAX:1080", "AFRT:540", "SCAN:2400"] {
+                for pair in
+                    [&name, "DMIN:23", "DMAX:60000", "ARES:1440", "AMIN:0", "AMAX:1080", "AFRT:540", "SCAN:2400"]
+                {
                     out.extend_from_slice(pair.as_bytes());
                     out.extend_from_slice(&[b';', sum(pair.as_bytes()), b'\n']);
                 }

@@ -46,7 +46,8 @@ pub fn run(seconds: f64, types: &[NodeType]) -> Result<Report, Failure> {
         return Err("the built-in Pioneer has no steer_clear by sonar any more".into());
     }
     std::fs::write(&file, text.replace(BY_SONAR, BY_LASER) + LASER)?;
-    let mut report = reflex::observe("laser", Some(&folder), seconds, types, Stimulus::Scans(LaserEnd::open()?))?;
+    let mut report =
+        reflex::observe("laser", &scratch, Some(&folder), seconds, types, Stimulus::Scans(LaserEnd::open()?))?;
     if let Some(row) = report.rows.iter().find(|row| row.name == "laser_direct") {
         report.targets.push(Target {
             aim: format!("scan on the wire → command on the wire: p99 at most {TARGET_US} µs"),

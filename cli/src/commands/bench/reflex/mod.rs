@@ -43,7 +43,13 @@ struct Running {
 }
 
 impl Running {
-    fn start(file: Option<&Path>, name: &str, devices: &[String], shm: &Path, state: &Path) -> Result<Running, Failure> {
+    fn start(
+        file: Option<&Path>,
+        name: &str,
+        devices: &[String],
+        shm: &Path,
+        state: &Path,
+    ) -> Result<Running, Failure> {
         let words = state.join("run.stderr");
         let mut command = Command::new(std::env::current_exe()?);
         command.arg("run").args(file);
@@ -77,19 +83,19 @@ impl Drop for Running {
 
 /// Runs the robot in `file` for `seconds`.
 pub fn run(file: Option<&Path>, seconds: f64, types: &[NodeType]) -> Result<Report, Failure> {
-    observe("reflex", file, seconds, types, Stimulus::Sonar)
+    observe("reflex", &Scratch::new()?, file, seconds, types, Stimulus::Sonar)
 }
 
 /// Runs the robot in `file` for `seconds` and times how it answers the stimulus.
 pub fn observe(
     bench: &'static str,
+    scratch: &Scratch,
     file: Option<&Path>,
     seconds: f64,
     types: &[NodeType],
     stimulus: Stimulus,
 ) -> Result<Report, Failure> {
     let robot = load::robot(file, &Changes::default(), types)?;
-    let scratch = Scratch::new()?;
     let (shm, state) = (scratch.folder("shm")?, scratch.folder("state")?);
     let driver = robot.nodes.iter().find(|node| node.kind.layer == Layer::Drivers && node.kind.name == "p2os");
     let driver = driver.ok_or("reflex needs a robot with a p2os driver")?.instance.clone();
