@@ -211,6 +211,83 @@ fn no_node_notices_that_the_supervisor_died_and_the_next_one_looks_after_them() 
     robot.end();
 }
 
+/// Processes that wait beside a node's living one.
+fn others(robot: &Robot, instance: &str) -> Vec<i32> {
+    let root = robot.root().display().to_string();
+    let processes = std::fs::read_dir("/proc").unwrap().flatten();
+    let numbers = processes.filter_map(|entry| entry.file_name().to_str()?.parse::<i32>().ok());
+    let living = robot.node(instance);
+    let runs = |pid: &i32| {
+        let line = std::fs::read(format!("/proc/{pid}/cmdline")).unwrap_or_default();
+        let words: Vec<&[u8]> = line.split(|byte| *byte == 0).collect();
+        words.contains(&root.as_bytes()) && words.contains(&instance.as_bytes())
+    };
+    numbers.filter(|pid| *pid != living).filter(runs).collect()
+}
+
+#[test]
+fn a_standby_takes_over_from_the_dead_and_another_waits_for_the_next_death() {
+    let mut robot = Robot::new().run(&["--set", "nodes.arbiter.care.standby=true"]);
+    robot.moves();
+    for _ in 0..2 {
+        robot.until("a standby waits", || {
+            let nodes = robot.status().nodes;
+            nodes
+                .iter()
+                .any(|node| node.instance == "/coordinator/arbiter" && node.standby.as_deref() == Some("waiting"))
+        });
+        let waiting = others(&robot, "/coordinator/arbiter")[0];
+        kill(robot.node("/coordinator/arbiter"), Signal::KILL);
+        robot.until("it is the node", || robot.node("/coordinator/arbiter") == waiting);
+    }
+    robot.until("both are on record", || {
+        robot.incidents().iter().filter(|record| record.event == "took_over").count() == 2
+    });
+    robot.moves();
+    // A killed supervisor's standby ends, and the next supervisor has one of its own.
+    robot.until("a standby waits", || others(&robot, "/coordinator/arbiter").len() == 1);
+    let (old, waiting) = (robot.supervisor(), others(&robot, "/coordinator/arbiter")[0]);
+    kill(old, Signal::KILL);
+    robot.until("another supervisor beats", || robot.supervisor() != old);
+    robot.until("another standby", || {
+        let others = others(&robot, "/coordinator/arbiter");
+        others.len() == 1 && others[0] != waiting
+    });
+    robot.end();
+}
+
+#[test]
+fn another_program_replaces_a_node_in_mid_drive_and_one_that_fails_changes_nothing() {
+    let mut robot = Robot::new().run(&[]);
+    robot.moves();
+    let other = robot.base.join("another build");
+    std::fs::copy(env!("CARGO_BIN_EXE_sinew"), &other).unwrap();
+    let before = robot.node("/actions/steer_clear");
+    let word = other.display().to_string();
+    assert!(robot.sinew(&["replace", "steer_clear", "--program", &word]).status.success());
+    robot.until("the other program runs", || {
+        let pid = robot.node("/actions/steer_clear");
+        pid != before && std::fs::read_link(format!("/proc/{pid}/exe")).is_ok_and(|program| program == other)
+    });
+    robot.until("it is on record", || robot.incidents().iter().any(|record| record.event == "replaced"));
+    let replaced = robot.node("/actions/steer_clear");
+    // One that cannot even open: the living one is not touched.
+    assert!(robot.sinew(&["replace", "steer_clear", "--program", "/bin/false"]).status.success());
+    robot.until("it is given up", || robot.incidents().iter().any(|record| record.event == "reverted"));
+    assert_eq!(robot.node("/actions/steer_clear"), replaced);
+    let refused = robot.sinew(&["replace", "steer_clear", "--program", "/nowhere"]);
+    assert!(String::from_utf8_lossy(&refused.stderr).contains("there is no file /nowhere"), "{refused:?}");
+    // The other program dies on its trial: the first one is back.
+    kill(replaced, Signal::KILL);
+    robot.until("the first program is back", || {
+        let pid = robot.node("/actions/steer_clear");
+        let program = std::fs::read_link(format!("/proc/{pid}/exe")).unwrap_or_default();
+        pid != replaced && program == PathBuf::from(env!("CARGO_BIN_EXE_sinew"))
+    });
+    robot.moves();
+    robot.end();
+}
+
 #[test]
 fn a_stop_lasts_until_it_is_reset_and_resumed_whoever_dies_meanwhile() {
     let mut robot = Robot::new().run(&[]);

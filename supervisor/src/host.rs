@@ -17,7 +17,6 @@ use crate::claim::Claim;
 use crate::control::{Control, StopHandle};
 use crate::detectors::Detectors;
 use crate::event::{Action, Event, Incident, IncidentKind};
-use crate::exit::Exit;
 use crate::host_tree::InTree;
 use crate::incidents::{Journal, Record};
 use crate::observer::{Guarded, Outcome, Report, StopCause};
@@ -65,6 +64,8 @@ pub(crate) struct Host<'a> {
 pub(crate) enum Source {
     Death(usize),
     Ready(usize),
+    StandbyDeath(usize),
+    StandbyReady(usize),
     Signal,
     Stop,
     Control,
@@ -86,6 +87,8 @@ impl Host<'_> {
                 match source {
                     Source::Death(node) => self.look_for_death(node),
                     Source::Ready(node) => self.look_for_ready(node),
+                    Source::StandbyDeath(node) => self.look_for_standby_death(node),
+                    Source::StandbyReady(node) => self.look_for_standby_ready(node),
                     Source::Signal => self.take_signals(),
                     Source::Stop => self.take_stops(),
                     Source::Control => self.serve(),
@@ -131,6 +134,9 @@ impl Host<'_> {
         let living = || self.slots.iter().enumerate().filter_map(|(node, slot)| Some((node, slot.process.as_ref()?)));
         watched.extend(living().map(|(node, process)| (Source::Death(node), process.death())));
         watched.extend(living().filter_map(|(node, process)| Some((Source::Ready(node), process.ready()?))));
+        let waiting = || self.slots.iter().enumerate().filter_map(|(node, slot)| Some((node, slot.standby.as_ref()?)));
+        watched.extend(waiting().map(|(node, standby)| (Source::StandbyDeath(node), standby.death())));
+        watched.extend(waiting().filter_map(|(node, standby)| Some((Source::StandbyReady(node), standby.ready()?))));
         watched.push((Source::Signal, self.signals.arrival()));
         watched.extend(self.stop.iter().map(|stop| (Source::Stop, stop.requested())));
         watched.extend(self.control.watched().map(|descriptor| (Source::Control, descriptor)));
@@ -166,20 +172,25 @@ impl Host<'_> {
                     Action::Terminate { node } => self.with_process(node, Process::terminate),
                     Action::Kill { node } => self.with_process(node, Process::kill),
                     Action::Notify(incident) => self.record(incident),
-                    Action::StartStandby { node, .. } => {
-                        events.push_back(Event::StandbyDied { node, exit: Exit::NotStarted(libc::ENOSYS) });
+                    Action::StartStandby { node, other } => {
+                        if let Err(exit) = self.slots[node].start_standby(&self.launcher, other) {
+                            events.push_back(Event::StandbyDied { node, exit });
+                        }
                     }
                     Action::Promote { node } => {
-                        events.push_back(Event::Died { node, exit: Exit::NotStarted(libc::ENOSYS) });
+                        self.leave_state();
+                        match self.slots[node].promote(&self.run_folder) {
+                            Ok(()) => started.push(node),
+                            Err(exit) => events.push_back(Event::Died { node, exit }),
+                        }
                     }
+                    // Whoever is dropped is killed and reaped.
+                    Action::KillStandby { node } => self.slots[node].standby = None,
+                    Action::Revert { node } => self.slots[node].revert(),
                     Action::Execute { ticket, .. } | Action::Await { ticket, .. } => {
                         events.push_back(Event::Outcome { ticket, success: false });
                     }
-                    Action::KillStandby { .. }
-                    | Action::Revert { .. }
-                    | Action::Heal { .. }
-                    | Action::Hold { .. }
-                    | Action::Limp { .. } => {}
+                    Action::Heal { .. } | Action::Hold { .. } | Action::Limp { .. } => {}
                     Action::Reprioritise { node, above } => self.slots[node].reprioritise(above),
                     Action::Stop { node } => self.latch_stop(node),
                     Action::Done => self.done = true,
@@ -214,6 +225,19 @@ impl Host<'_> {
         if slot.process.as_mut().is_some_and(Process::take_ready) {
             self.observer.report(Report::Ready { instance: &slot.instance });
             self.take(Event::Ready { node });
+        }
+    }
+
+    fn look_for_standby_death(&mut self, node: usize) {
+        if let Some(exit) = self.slots[node].look_for_standby_death() {
+            self.take(Event::StandbyDied { node, exit });
+        }
+    }
+
+    fn look_for_standby_ready(&mut self, node: usize) {
+        if self.slots[node].standby.as_mut().is_some_and(Process::take_ready) {
+            self.slots[node].standby_waits = true;
+            self.take(Event::StandbyReady { node });
         }
     }
 
