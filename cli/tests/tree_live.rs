@@ -270,6 +270,9 @@ fn another_program_replaces_a_node_in_mid_drive_and_one_that_fails_changes_nothi
         pid != before && std::fs::read_link(format!("/proc/{pid}/exe")).is_ok_and(|program| program == other)
     });
     robot.until("it is on record", || robot.incidents().iter().any(|record| record.event == "replaced"));
+    robot.until("it is ready", || {
+        robot.status().nodes.iter().any(|node| node.instance == "/actions/steer_clear" && node.state == "running")
+    });
     let replaced = robot.node("/actions/steer_clear");
     // One that cannot even open: the living one is not touched.
     assert!(robot.sinew(&["replace", "steer_clear", "--program", "/bin/false"]).status.success());
@@ -284,6 +287,76 @@ fn another_program_replaces_a_node_in_mid_drive_and_one_that_fails_changes_nothi
         let program = std::fs::read_link(format!("/proc/{pid}/exe")).unwrap_or_default();
         pid != replaced && program == PathBuf::from(env!("CARGO_BIN_EXE_sinew"))
     });
+    robot.moves();
+    robot.end();
+}
+
+#[test]
+fn a_reaction_executes_a_command_and_waits_for_a_path_and_tells_when_either_fails() {
+    let mut robot = Robot::new();
+    let mark = robot.base.join("mark");
+    let script = format!("echo $SINEW_ROBOT > {}; echo said", mark.display());
+    let reaction = |acts: &str| format!("{{ node = \"forward\", when = \"death\", do = [{acts}] }}");
+    let reactions = [
+        reaction(&format!(
+            "{{ execute = [\"sh\", \"-c\", {script:?}] }}, \
+             {{ wait_for = {{ path = \"/actions/forward/proposal\", within_ms = 20000 }} }}, \"notify\""
+        )),
+        reaction("{ execute = [\"false\"] }, \"notify\""),
+        reaction("{ wait_for = { path = \"/actions/nobody/proposal\", within_ms = 50 } }, \"notify\""),
+    ];
+    robot.start(&["--set", &format!("supervision.reactions=[{}]", reactions.join(","))]);
+    robot.moves();
+    kill(robot.node("/actions/forward"), Signal::KILL);
+    robot.until("the command has run", || std::fs::read_to_string(&mark).is_ok_and(|name| name.trim() == robot.name));
+    let told = || robot.incidents().into_iter().filter(|record| record.event.contains("reaction")).collect::<Vec<_>>();
+    robot.until("all three are on record", || told().len() == 3);
+    let failed = told().into_iter().filter(|record| record.message.contains("failed")).count();
+    assert_eq!(failed, 2, "{:?}", told());
+    let log = robot.base.join("state").join(&robot.name).join("reactions.log");
+    assert_eq!(std::fs::read_to_string(log).unwrap(), "said\n");
+    robot.end();
+}
+
+#[test]
+fn settings_and_wires_change_while_it_drives_and_what_is_refused_changes_nothing() {
+    let mut robot = Robot::new();
+    let folder = robot.base.join("robot");
+    std::fs::create_dir_all(folder.join("worlds")).unwrap();
+    let own = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../robots/pioneer");
+    for file in ["robot.toml", "worlds/office.toml"] {
+        std::fs::copy(own.join(file), folder.join(file)).unwrap();
+    }
+    let file = folder.join("robot.toml");
+    let before = std::fs::read_to_string(&file).unwrap();
+    robot.start(&[&folder.display().to_string()]);
+    robot.moves();
+    let refused = |words: &[&str], why: &str| {
+        let nodes = robot.nodes();
+        let output = robot.sinew(words);
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(!output.status.success() && said.contains(why), "{words:?}: {said}");
+        assert_eq!(robot.nodes(), nodes, "{words:?}");
+    };
+    refused(&["set", "forward.sped_m_s", "0.1", "--save"], "did you mean \"speed_m_s\"?");
+    refused(&["set", "forward.speed_m_s", "-1"], "speed_m_s");
+    refused(&["set", "forwrd.speed_m_s", "0.1"], "has no node \"forwrd\"");
+    refused(&["wire", "steer_clear.ranges", "/perception/odometry/pose"], "carries Odometry");
+    refused(&["wire", "steer_clear.ranges", "/perception/nobody/pose"], "no node of this robot writes");
+    assert_eq!(std::fs::read_to_string(&file).unwrap(), before);
+    assert!(robot.sinew(&["set", "forward.speed_m_s", "0.11", "--save"]).status.success());
+    assert!(robot.sinew(&["wire", "/actions/steer_clear.ranges", "/perception/echoes/ranges"]).status.success());
+    let saved = std::fs::read_to_string(&file).unwrap();
+    let lines = |text: &str| text.lines().map(str::to_owned).collect::<std::collections::BTreeSet<_>>();
+    let new: Vec<String> = lines(&saved).difference(&lines(&before)).cloned().collect();
+    assert_eq!(new, ["config = { speed_m_s = 0.11 }"], "comments and all else stay");
+    // A new process of the same node, much later, has both.
+    robot.until("both are ready", || robot.status().nodes.iter().all(|node| node.state == "running"));
+    let launch = std::fs::read_to_string(robot.root().join(".run/launch.json")).unwrap();
+    assert!(
+        launch.contains("speed_m_s = 0.11") && launch.contains("ranges = \\\"/perception/echoes/ranges\\\""),
+        "{launch}"
+    );
     robot.moves();
     robot.end();
 }

@@ -4,6 +4,7 @@ mod barn;
 pub mod bench;
 mod call;
 mod cat;
+mod change;
 mod chaos;
 mod check;
 mod compare;
@@ -80,6 +81,10 @@ enum Command {
     Stop(steer::Args),
     #[command(after_help = help::RESTART)]
     Restart(steer::Args),
+    #[command(after_help = help::SET)]
+    Set(change::SetArgs),
+    #[command(after_help = help::WIRE)]
+    Wire(change::WireArgs),
     #[command(after_help = help::REPLACE)]
     Replace(steer::ReplaceArgs),
     #[command(after_help = help::TOP)]
@@ -168,6 +173,8 @@ fn dispatch(command: Command, types: &[NodeType]) -> Result<(), Failure> {
         Command::Stop(args) => steer::run(&args, "stop"),
         Command::Restart(args) => steer::run(&args, "restart"),
         Command::Replace(args) => steer::replace(&args),
+        Command::Set(args) => change::set(&args, types),
+        Command::Wire(args) => change::wire(&args, types),
         Command::Top(args) => top::run(&args),
         Command::Incidents(args) => incidents::run(&args),
         Command::Ls(args) => ls::run(args),
