@@ -75,7 +75,7 @@ const MISSION: [&str; 8] = [
     "--set",
     "nodes.drive.config.horizon_m=0.0",
     "--set",
-    "nodes.forward.config.speed_m_s=0.2",
+    "nodes.forward.config.speed_m_s=0.15",
 ];
 const PLANTED: &str = "nodes.steer_clear.type=\"deaf_steer_clear\"";
 

@@ -25,19 +25,20 @@ const FOLLOW_M: f64 = 4.0;
 
 /// The terminal in raw mode on its second screen; given back when dropped, and when the program panics.
 pub struct Terminal {
-    inner: ratatui::DefaultTerminal,
+    inner: Option<ratatui::DefaultTerminal>,
 }
 
 impl Terminal {
     /// Takes the terminal.
     pub fn take() -> Result<Terminal, Failure> {
         let inner = ratatui::try_init().map_err(|e| Failure::from(format!("cannot use the terminal: {e}")))?;
-        Ok(Terminal { inner })
+        Ok(Terminal { inner: Some(inner) })
     }
 
     /// Draws one picture.
     pub fn draw(&mut self, paint: impl FnOnce(&mut Frame<'_>)) -> Result<(), Failure> {
-        self.inner.draw(paint).map(|_| ()).map_err(|e| Failure::from(format!("cannot draw on the terminal: {e}")))
+        let Some(inner) = &mut self.inner else { return Ok(()) };
+        inner.draw(paint).map(|_| ()).map_err(|e| Failure::from(format!("cannot draw on the terminal: {e}")))
     }
 
     /// The next event, if one comes within `seconds`. A terminal that has gone is an error: crossterm would read the
@@ -61,7 +62,11 @@ impl Terminal {
 
 impl Drop for Terminal {
     fn drop(&mut self) {
-        ratatui::restore();
+        // On a terminal that has gone, ratatui's own end would complain to a terminal that has gone, and panic.
+        let inner = self.inner.take();
+        if ratatui::try_restore().is_err() {
+            std::mem::forget(inner);
+        }
     }
 }
 
