@@ -39,6 +39,7 @@ pub const SERVICE_LASER: Embedded = &[
 /// Files of the service robot, in which the experiments of `sinew experiments` run.
 pub const SERVICE: Embedded = &[
     ("robot.toml", include_bytes!("../../robots/service/robot.toml")),
+    ("laser.toml", include_bytes!("../../robots/service/laser.toml")),
     ("worlds/hallway.toml", include_bytes!("../../robots/service/worlds/hallway.toml")),
     ("worlds/office.toml", include_bytes!("../../robots/service/worlds/office.toml")),
     ("worlds/open.toml", include_bytes!("../../robots/service/worlds/open.toml")),

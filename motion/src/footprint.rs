@@ -76,16 +76,6 @@ impl Footprint {
         }
     }
 
-    /// The footprint with every edge drawn in by `by_m`.
-    pub fn shrunk(&self, by_m: f64) -> Footprint {
-        Footprint {
-            ahead_m: self.ahead_m - by_m,
-            behind_m: self.behind_m - by_m,
-            half_width_m: self.half_width_m - by_m,
-            cut_m: self.cut_m,
-        }
-    }
-
     /// Distance of the farthest corner from the centre of rotation [m].
     pub fn corner_radius_m(&self) -> f64 {
         let (far, wide, cut) = (self.ahead_m.max(self.behind_m), self.half_width_m, self.cut_m);

@@ -40,13 +40,14 @@ impl Profile {
         let change = limits.jerk * dt_s;
         let acceleration = self.acceleration + (aim - self.acceleration).clamp(-change, change);
         let speed = self.speed + acceleration * dt_s;
-        // What is left is less than a step's way: it is there. Where a forced stop has left it more of an acceleration than
-        // can die away in time, that is dropped, as by brakes at a standstill: never is a body driven beyond what is wanted,
-        // nor backwards because it had to brake.
-        if (wanted - speed) * left < 0.0 || left == 0.0 {
+        // What is left is less than a step's way: it is there.
+        let passes = (wanted - speed) * left < 0.0 || left == 0.0;
+        if passes && acceleration.abs() <= 2.0 * change {
             return Profile { speed: wanted, acceleration: 0.0 };
         }
-        if self.speed * speed < 0.0 && wanted * speed <= 0.0 || self.speed == 0.0 && wanted * speed < 0.0 {
+        // A forced stop leaves an acceleration that cannot die away in time. At a standstill it is gone, as brakes let go:
+        // nobody drives backwards because he had to brake.
+        if self.speed * speed <= 0.0 && wanted * speed <= 0.0 {
             return Profile::default();
         }
         Profile { speed, acceleration }

@@ -1,4 +1,4 @@
-//! What lies ahead, by direction: the nearest thing in each half degree, seen from the body's centre (S2, Avoid).
+//! What lies around, by direction: the nearest thing in each half degree, seen from the body's centre (S2, Avoid).
 //!
 //! S2 counts angles from the robot's right: 0 is right, π/2 ahead, π left. Here `bearing` is the usual one, 0 ahead and
 //! counter-clockwise; S2's angle is bearing + π/2. A ranger at the distance L ahead of the axle that measures d at the
@@ -9,17 +9,21 @@ use messages::{Beam, Echo, Ranges, Track};
 use runtime::math;
 use std::f64::consts::{FRAC_PI_2, PI};
 
-/// Directions from the right to the left.
+/// Directions from the right over ahead to the left.
 pub const DIRECTIONS: usize = 361;
 /// From one direction to the next [rad].
 pub const SPACING_RAD: f64 = PI / (DIRECTIONS - 1) as f64;
 
-/// The nearest thing in each direction, from −π/2 to π/2.
+/// Those, and on over behind back to the right.
+const ALL: usize = 2 * (DIRECTIONS - 1);
+
+/// The nearest thing in each direction: those of the index 0 to 360 are ahead, −π/2 to π/2; what lies behind counts only
+/// in the judgement of the room to go.
 #[derive(Debug, Clone)]
 pub struct Horizon {
-    distance_m: Box<[f64; DIRECTIONS]>,
+    distance_m: Box<[f64; ALL]>,
     /// Sine and cosine of each direction.
-    axes: Box<[(f64, f64); DIRECTIONS]>,
+    axes: Box<[(f64, f64); ALL]>,
     /// Of the ranger's beams, kept while their bearings stay the same: a sine costs more than all the rest.
     beams: Box<[Sighting]>,
 }
@@ -40,7 +44,7 @@ impl Default for Horizon {
         let axes = std::array::from_fn(|k| math::sin_cos(bearing_rad(k)));
         let unknown = Sighting { bearing_rad: f32::NAN, sin: 0.0, cos: 0.0 };
         Horizon {
-            distance_m: Box::new([f64::INFINITY; DIRECTIONS]),
+            distance_m: Box::new([f64::INFINITY; ALL]),
             axes: Box::new(axes),
             beams: vec![unknown; KEPT_BEAMS].into(),
         }
@@ -52,10 +56,12 @@ pub fn bearing_rad(index: usize) -> f64 {
     index as f64 * SPACING_RAD - FRAC_PI_2
 }
 
-/// The direction nearest to `bearing_rad`, if it is one ahead.
-pub fn index_of(bearing_rad: f64) -> Option<usize> {
-    let at = ((bearing_rad + FRAC_PI_2) / SPACING_RAD).round();
-    (at >= 0.0 && at < DIRECTIONS as f64).then_some(at as usize)
+/// The direction nearest to `bearing_rad`.
+fn index_of(bearing_rad: f64) -> usize {
+    let at = (bearing_rad + FRAC_PI_2) / SPACING_RAD;
+    // A bearing is within (−π, π], so that only its right rear is below zero.
+    let at = if at < -0.5 { at + ALL as f64 } else { at };
+    (at.round().max(0.0) as usize).min(ALL - 1)
 }
 
 /// The bearing of a point, to 10⁻⁵ rad: enough to round to a quarter of a degree, at a tenth of the exact one's cost
@@ -87,7 +93,7 @@ impl Horizon {
         distance_m.is_finite().then_some((distance_m * cos, distance_m * sin))
     }
 
-    /// All points: direction, x and y in the body frame [m].
+    /// All points ahead: direction, x and y in the body frame [m].
     pub fn points(&self) -> impl Iterator<Item = (usize, f64, f64)> + '_ {
         (0..DIRECTIONS).filter_map(|index| self.point(index).map(|(x, y)| (index, x, y)))
     }
@@ -130,11 +136,8 @@ impl Horizon {
 
     fn add_point(&mut self, x_m: f64, y_m: f64) {
         let distance_m = (x_m * x_m + y_m * y_m).sqrt();
-        if let Some(index) = index_of(about_rad(y_m, x_m))
-            && distance_m < self.distance_m[index]
-        {
-            self.distance_m[index] = distance_m;
-        }
+        let nearest_m = &mut self.distance_m[index_of(about_rad(y_m, x_m))];
+        *nearest_m = nearest_m.min(distance_m);
     }
 
     /// Adds a disc: what of it would be seen from the body's centre.
@@ -154,17 +157,15 @@ impl Horizon {
         let steps = half_rad / SPACING_RAD - 1e-9;
         // Thin as it may be, it is in one direction.
         let (first, last) = ((middle - steps).ceil().min(middle.round()), (middle + steps).floor().max(middle.round()));
-        let last = last.min(DIRECTIONS as f64 - 1.0);
-        let mut index = first.max(0.0);
-        while index <= last {
-            let (sin, cos) = self.axes[index as usize];
+        for k in first as i64..=last as i64 {
+            let index = k.rem_euclid(ALL as i64) as usize;
+            let (sin, cos) = self.axes[index];
             let (along_m, aside_m) = (x_m * cos + y_m * sin, y_m * cos - x_m * sin);
             let chord_m = (radius_m * radius_m - aside_m * aside_m).max(0.0).sqrt();
             // Its nearest point is in the direction of its centre, wherever the grid lies.
-            let is_m = if index == middle.round() { away_m - radius_m } else { along_m - chord_m };
-            let distance_m = &mut self.distance_m[index as usize];
+            let is_m = if k == middle.round() as i64 { away_m - radius_m } else { along_m - chord_m };
+            let distance_m = &mut self.distance_m[index];
             *distance_m = distance_m.min(is_m);
-            index += 1.0;
         }
     }
 
@@ -182,7 +183,8 @@ impl Horizon {
     /// `most_m` [m].
     pub fn free_m(&self, bearing_rad: f64, half_width_m: f64, most_m: f64) -> f64 {
         let (sin, cos) = math::sin_cos(bearing_rad);
-        let ahead = self.points().filter_map(|(_, x, y)| {
+        let all = (0..ALL).filter_map(|index| self.point(index));
+        let ahead = all.filter_map(|(x, y)| {
             let (along, aside) = (x * cos + y * sin, y * cos - x * sin);
             (along > 0.0 && aside.abs() < half_width_m).then_some(along)
         });
@@ -192,7 +194,7 @@ impl Horizon {
     /// Mean free distance on the right and on the left, each direction counted up to `most_m` [m].
     pub fn room_m(&self, most_m: f64) -> (f64, f64) {
         let mean = |part: &[f64]| part.iter().map(|d| d.min(most_m)).sum::<f64>() / part.len() as f64;
-        (mean(&self.distance_m[..DIRECTIONS / 2]), mean(&self.distance_m[DIRECTIONS / 2 + 1..]))
+        (mean(&self.distance_m[..DIRECTIONS / 2]), mean(&self.distance_m[DIRECTIONS / 2 + 1..DIRECTIONS]))
     }
 }
 
@@ -282,6 +284,19 @@ mod tests {
         assert!(horizon.free_m(0.46, 0.1, 3.0) < 1.1);
         let (right, left) = horizon.room_m(3.0);
         assert!(left < right && right == 3.0);
+    }
+
+    #[test]
+    fn what_stands_behind_the_shoulder_is_in_the_way_of_a_turn_to_that_side() {
+        let mut horizon = Horizon::default();
+        horizon.add_disc(-0.05, -0.4, 0.04);
+        assert_eq!(horizon.points().count(), 0);
+        assert!(horizon.free_m(-FRAC_PI_2, 0.3, 3.0) < 0.45);
+        assert_eq!(horizon.free_m(0.0, 0.3, 3.0), 3.0);
+        let behind = beam(PI, 1.0);
+        let mut horizon = Horizon::default();
+        horizon.take(&LASER, &[behind]);
+        assert!(horizon.points().count() == 0 && (horizon.free_m(PI, 0.3, 3.0) - 0.8).abs() < 0.01);
     }
 
     #[test]

@@ -41,6 +41,7 @@ use crate::exit::{Failure, OK};
 use crate::output::{Paint, Tone};
 use clap::{FromArgMatches, Parser, Subcommand};
 use runtime::NodeType;
+use std::io::Write;
 use std::process::ExitCode;
 
 /// Sinew runs, watches and simulates mobile robots
@@ -149,7 +150,9 @@ pub fn main(extra: &[NodeType]) -> ExitCode {
         Ok(()) => ExitCode::from(OK),
         Err(failure) => {
             if !failure.message.is_empty() {
-                eprintln!("{} {}", Paint::stderr().tone(Tone::Bad, "error:"), failure.message);
+                let error = Paint::stderr().tone(Tone::Bad, "error:");
+                // A terminal that has gone hears nothing, and that is no reason to panic.
+                let _ = writeln!(std::io::stderr(), "{error} {}", failure.message);
             }
             ExitCode::from(failure.code)
         }
