@@ -16,6 +16,7 @@ use crate::channels::Channels;
 use crate::claim::Claim;
 use crate::control::{Control, StopHandle};
 use crate::detectors::Detectors;
+use crate::errands::Errands;
 use crate::event::{Action, Event, Incident, IncidentKind};
 use crate::host_tree::InTree;
 use crate::incidents::{Journal, Record};
@@ -49,6 +50,7 @@ pub(crate) struct Host<'a> {
     /// Channels of the robot's tree, where it has one.
     pub channels: Channels,
     pub detectors: Detectors,
+    pub errands: Errands,
     pub begun: Time,
     pub stopped_by: StopCause,
     /// Requests that a second one of the same kind turns into an immediate end.
@@ -66,6 +68,7 @@ pub(crate) enum Source {
     Ready(usize),
     StandbyDeath(usize),
     StandbyReady(usize),
+    Errand,
     Signal,
     Stop,
     Control,
@@ -89,6 +92,8 @@ impl Host<'_> {
                     Source::Ready(node) => self.look_for_ready(node),
                     Source::StandbyDeath(node) => self.look_for_standby_death(node),
                     Source::StandbyReady(node) => self.look_for_standby_ready(node),
+                    // Looked at below, like the paths that are waited for.
+                    Source::Errand => {}
                     Source::Signal => self.take_signals(),
                     Source::Stop => self.take_stops(),
                     Source::Control => self.serve(),
@@ -98,6 +103,9 @@ impl Host<'_> {
             }
             self.look_around();
             self.detect();
+            for event in self.errands.look(clock::now()) {
+                self.take(event);
+            }
             self.take(Event::Timer);
             if self.observer.has_panicked() {
                 self.end(StopCause::Program, false);
@@ -137,6 +145,7 @@ impl Host<'_> {
         let waiting = || self.slots.iter().enumerate().filter_map(|(node, slot)| Some((node, slot.standby.as_ref()?)));
         watched.extend(waiting().map(|(node, standby)| (Source::StandbyDeath(node), standby.death())));
         watched.extend(waiting().filter_map(|(node, standby)| Some((Source::StandbyReady(node), standby.ready()?))));
+        watched.extend(self.errands.watched().map(|descriptor| (Source::Errand, descriptor)));
         watched.push((Source::Signal, self.signals.arrival()));
         watched.extend(self.stop.iter().map(|stop| (Source::Stop, stop.requested())));
         watched.extend(self.control.watched().map(|descriptor| (Source::Control, descriptor)));
@@ -145,7 +154,8 @@ impl Host<'_> {
         let mut polled: Vec<PollFd<'_>> =
             watched.iter().map(|(_, descriptor)| PollFd::from_borrowed_fd(*descriptor, PollFlags::IN)).collect();
         let look = self.inside.as_ref().map(|inside| inside.next_look);
-        let next = [self.policy.next_timer(), look].into_iter().flatten().min();
+        let errand = self.errands.next_look(clock::now());
+        let next = [self.policy.next_timer(), look, errand].into_iter().flatten().min();
         let timeout = next.map(|at| Duration::from_nanos(at.nanos_since(clock::now())));
         let timeout = timeout.and_then(|timeout| Timespec::try_from(timeout).ok());
         // A wait that fails (no kernel memory) looks at everything instead: every look is free to find nothing.
@@ -187,10 +197,23 @@ impl Host<'_> {
                     // Whoever is dropped is killed and reaped.
                     Action::KillStandby { node } => self.slots[node].standby = None,
                     Action::Revert { node } => self.slots[node].revert(),
-                    Action::Execute { ticket, .. } | Action::Await { ticket, .. } => {
-                        events.push_back(Event::Outcome { ticket, success: false });
+                    Action::Execute { ticket, command } => {
+                        if !self.errands.execute(clock::now(), ticket, command, &self.launcher) {
+                            events.push_back(Event::Outcome { ticket, success: false });
+                        }
                     }
-                    Action::Heal { .. } | Action::Hold { .. } | Action::Limp { .. } => {}
+                    Action::Await { ticket, path, within_s } => {
+                        if !self.errands.wait_for(clock::now(), ticket, path, within_s) {
+                            events.push_back(Event::Outcome { ticket, success: false });
+                        }
+                    }
+                    Action::Heal { node } => {
+                        if let Some(inside) = &mut self.inside {
+                            inside.beats.heal(node, clock::now());
+                        }
+                    }
+                    // Nodes read both on `/supervisor/robot/state`.
+                    Action::Hold { .. } | Action::Limp { .. } => {}
                     Action::Reprioritise { node, above } => self.slots[node].reprioritise(above),
                     Action::Stop { node } => self.latch_stop(node),
                     Action::Done => self.done = true,
@@ -236,6 +259,7 @@ impl Host<'_> {
 
     fn look_for_standby_ready(&mut self, node: usize) {
         if self.slots[node].standby.as_mut().is_some_and(Process::take_ready) {
+            self.slots[node].standby_waits = true;
             self.take(Event::StandbyReady { node });
         }
     }

@@ -1,5 +1,5 @@
 //! Requests over the control socket that concern the policy: `start NODE`, `stop NODE`, `restart NODE`,
-//! `replace NODE [PROGRAM]`, `clear`.
+//! `replace NODE [PROGRAM]`, `set NODE …`, `wire NODE …`, `clear`.
 //!
 //! `replace` starts the node's program anew, or another PROGRAM (the rest of the line), beside the living one; when it has
 //! opened, the living one is stopped and it takes over. If it fails its trial, the one before is started again.
@@ -24,11 +24,12 @@ fn parse(words: &str, instances: &[String]) -> Option<Result<Request, String>> {
         "start" => |node| Request::Start { node },
         "stop" => |node| Request::Stop { node },
         "restart" => |node| Request::Restart { node },
-        "replace" => |node| Request::Replace { node },
+        // What has changed stands in the robot that every process reads at its start.
+        "replace" | "set" | "wire" => |node| Request::Replace { node },
         "clear" if name.is_empty() => return Some(Ok(Request::Reset)),
         _ => return None,
     };
-    let name = if verb == "replace" { name.split(' ').next().unwrap_or(name) } else { name };
+    let name = if ["replace", "set", "wire"].contains(&verb) { name.split(' ').next().unwrap_or(name) } else { name };
     Some(find(name, instances).map(make))
 }
 

@@ -20,6 +20,8 @@ pub(crate) struct Slot {
     pub process: Option<Process>,
     /// A second process that has opened, or is about to, and waits.
     pub standby: Option<Process>,
+    /// Whether it has opened and waits.
+    pub standby_waits: bool,
     /// Process of the newest start.
     pub pid: Option<i32>,
     /// When the present process was started, in clock ticks since boot.
@@ -57,6 +59,7 @@ impl Slot {
             instance,
             process: None,
             standby: None,
+            standby_waits: false,
             pid: None,
             ticks: None,
             dead_pid: None,
@@ -148,7 +151,7 @@ impl Slot {
         let command = self.other.as_ref().filter(|_| other).unwrap_or(&self.command);
         match launcher.start_standby(command, self.starts, self.log.as_ref().map(NodeLog::beside)) {
             Ok(process) => {
-                self.standby = Some(process);
+                (self.standby, self.standby_waits) = (Some(process), false);
                 Ok(())
             }
             Err(error) => Err(Exit::NotStarted(error.raw_os_error().unwrap_or(libc::EINVAL))),
@@ -216,6 +219,7 @@ impl Slot {
             lived_s: self.process.as_ref().map(|_| clock::now().since(self.started)),
             restarts: self.restarts(),
             last_exit: self.last_exit.map(|exit| exit.to_string()),
+            standby: self.standby.as_ref().map(|_| if self.standby_waits { "waiting" } else { "starting" }.to_owned()),
         }
     }
 }

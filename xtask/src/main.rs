@@ -19,6 +19,7 @@ const STEPS: &[Step] = &[
     step("lint", &["cargo", "clippy", "--workspace", "--all-targets", "--release", "--quiet", "--", "-D", "warnings"]),
     step("build", &["cargo", "build", "--workspace", "--release", "--quiet"]),
     step("peers", &["recorder/tests/peers/run"]),
+    step("laser-peers", &["tests/peers/run"]),
     step("test", &["cargo", "test", "--workspace", "--release", "--quiet"]),
     Step {
         name: "loom",

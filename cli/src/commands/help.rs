@@ -183,6 +183,25 @@ Examples:
 
 JSON (--json): robot, node, request, ok.";
 
+pub const SET: &str = "\
+Examples:
+  sinew set forward.speed_m_s 0.15              another speed, while it drives
+  sinew set forward.speed_m_s 0.15 --save       … and in the robot file, comments kept
+
+The change is checked as `sinew check` would; then a new process of the node opens with it beside the living one and
+takes its place. A value that the node refuses changes nothing.
+
+JSON (--json): robot, node, change, saved, ok.";
+
+pub const WIRE: &str = "\
+Examples:
+  sinew wire steer_clear.ranges /drivers/laser/ranges
+  sinew wire drive.ranges /drivers/laser/ranges /drivers/base/sonar    the second one while the first is silent
+
+Types must agree. A node is written to by one alone, so a wire never makes a second writer.
+
+JSON (--json): robot, node, change, saved, ok.";
+
 pub const REPLACE: &str = "\
 Examples:
   sinew replace steer_clear                           starts the node's program anew, as its file is now

@@ -4,6 +4,7 @@ mod barn;
 pub mod bench;
 mod call;
 mod cat;
+mod change;
 mod chaos;
 mod check;
 mod compare;
@@ -40,6 +41,7 @@ use crate::exit::{Failure, OK};
 use crate::output::{Paint, Tone};
 use clap::{FromArgMatches, Parser, Subcommand};
 use runtime::NodeType;
+use std::io::Write;
 use std::process::ExitCode;
 
 /// Sinew runs, watches and simulates mobile robots
@@ -80,6 +82,10 @@ enum Command {
     Stop(steer::Args),
     #[command(after_help = help::RESTART)]
     Restart(steer::Args),
+    #[command(after_help = help::SET)]
+    Set(change::SetArgs),
+    #[command(after_help = help::WIRE)]
+    Wire(change::WireArgs),
     #[command(after_help = help::REPLACE)]
     Replace(steer::ReplaceArgs),
     #[command(after_help = help::TOP)]
@@ -144,7 +150,9 @@ pub fn main(extra: &[NodeType]) -> ExitCode {
         Ok(()) => ExitCode::from(OK),
         Err(failure) => {
             if !failure.message.is_empty() {
-                eprintln!("{} {}", Paint::stderr().tone(Tone::Bad, "error:"), failure.message);
+                let error = Paint::stderr().tone(Tone::Bad, "error:");
+                // A terminal that has gone hears nothing, and that is no reason to panic.
+                let _ = writeln!(std::io::stderr(), "{error} {}", failure.message);
             }
             ExitCode::from(failure.code)
         }
@@ -168,6 +176,8 @@ fn dispatch(command: Command, types: &[NodeType]) -> Result<(), Failure> {
         Command::Stop(args) => steer::run(&args, "stop"),
         Command::Restart(args) => steer::run(&args, "restart"),
         Command::Replace(args) => steer::replace(&args),
+        Command::Set(args) => change::set(&args, types),
+        Command::Wire(args) => change::wire(&args, types),
         Command::Top(args) => top::run(&args),
         Command::Incidents(args) => incidents::run(&args),
         Command::Ls(args) => ls::run(args),
