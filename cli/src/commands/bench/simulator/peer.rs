@@ -25,7 +25,7 @@ pub fn ir_sim(seconds: f64) -> Result<Measured, String> {
         }
         Ok(_) => {}
     }
-    let task = task(&row::peer_task().map_err(|e| e.to_string())?);
+    let task = task(&row::peer_task().map_err(|e| e.message)?);
     let folder = std::env::temp_dir().join(format!("sinew-peer-{}", std::process::id()));
     std::fs::create_dir_all(&folder).map_err(|e| e.to_string())?;
     let file = folder.join("task.json");
