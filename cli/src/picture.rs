@@ -1,8 +1,9 @@
 //! A run as an SVG picture: what was collected of it, handed to the simulator's drawing.
 
 use crate::exit::Failure;
+use crate::experiments::chart::{Chart, Series};
 use crate::simulation::{Moment, Run, TrackPoint};
-use messages::{Beam, Contact, ContactCause, Echo};
+use messages::{Beam, Contact, ContactCause, Echo, Truth};
 use runtime::robot::Robot;
 use runtime::{Body, Layer};
 use simulator::geometry::{Circle, Footprint, Point, Pose};
@@ -21,6 +22,24 @@ pub fn of_run(robot: &Robot, run: &Run) -> Result<String, Failure> {
     }
     let title = format!("{}, seed {}", robot.name, result.seed);
     draw(robot, &title, &run.track, run.moment.as_ref(), &facts, Some(result.seed))
+}
+
+/// A simulated run's speeds and clearance against time.
+pub fn of_speeds(robot: &Robot, run: &Run) -> String {
+    // As many points as there are places in the picture.
+    let every = run.track.len().div_ceil(700).max(1);
+    let line = |name: &str, colour: usize, value: fn(&Truth) -> f64| {
+        let points = run.track.iter().step_by(every).map(|point| (point.time_s, value(&point.truth))).collect();
+        Series::line(name, colour, points)
+    };
+    let series = [
+        line("clearance [m], up to 2 m", 8, |truth| truth.clearance_m.min(2.0)),
+        line("turn rate [rad/s]", 4, |truth| truth.velocity.angular_z_rad_s),
+        line("speed [m/s]", 0, |truth| truth.velocity.linear_x_m_s),
+    ];
+    let title = format!("{}, seed {}", robot.name, run.result.seed);
+    let (x, y) = ("time since the start [s]", "by truth");
+    Chart { title: &title, x, y, series: &series, bounds: &[], is_map: false }.svg()
 }
 
 /// The picture of a run through one of BARN's worlds.

@@ -32,9 +32,10 @@ unsafe impl GlobalAlloc for Counting {
 static ALLOCATOR: Counting = Counting;
 
 /// The robots that come along, and how long each is watched [s]. Together they hold every built-in node.
-const ROBOTS: [(&str, Embedded, f64); 3] = [
+const ROBOTS: [(&str, Embedded, f64); 4] = [
     ("pioneer", sinew::built_in::PIONEER, 60.0),
     ("service", sinew::built_in::SERVICE, 20.0),
+    ("laser", sinew::built_in::SERVICE_LASER, 10.0),
     ("jackal", sinew::built_in::JACKAL, 4.0),
 ];
 

@@ -45,6 +45,11 @@ impl Profile {
         if passes && acceleration.abs() <= 2.0 * change {
             return Profile { speed: wanted, acceleration: 0.0 };
         }
+        // A forced stop leaves an acceleration that cannot die away in time. At a standstill it is gone, as brakes let go:
+        // nobody drives backwards because he had to brake.
+        if self.speed * speed <= 0.0 && wanted * speed <= 0.0 {
+            return Profile::default();
+        }
         Profile { speed, acceleration }
     }
 
@@ -83,6 +88,16 @@ mod tests {
         assert!((braking.acceleration + 0.8).abs() < 1e-9);
         let all = run(braking, 0.5, 3.0);
         assert_eq!(all.last().unwrap().speed, 0.5);
+    }
+
+    #[test]
+    fn after_braking_to_a_standstill_it_does_not_drive_backwards() {
+        for (before, after, wanted) in [(0.016, 0.0, 0.0), (0.03, 0.014, 0.0), (0.02, 0.004, 0.3), (0.0, 0.0, 0.3)] {
+            let stopped = Profile { speed: before, acceleration: 0.0 }.forced(after, STEP_S);
+            let all = run(stopped, wanted, 3.0);
+            assert!(all.iter().all(|p| p.speed >= 0.0), "{before} {after} {wanted}: {all:?}");
+            assert_eq!(all.last().unwrap().speed, wanted);
+        }
     }
 
     proptest! {

@@ -5,6 +5,7 @@ pub mod echoes;
 pub mod odometry;
 pub mod place;
 pub mod ranges;
+pub mod recall;
 pub mod scan;
 pub mod track;
 pub mod tracks;
@@ -16,5 +17,6 @@ pub const NODES: &[NodeType] = &[
     NodeType::of::<odometry::Odometry>(),
     NodeType::of::<echoes::Echoes>(),
     NodeType::of::<ranges::BodyRanges>(),
+    NodeType::of::<recall::Recall>(),
     NodeType::of::<tracks::Tracks>(),
 ];

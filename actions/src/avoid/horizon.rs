@@ -1,4 +1,4 @@
-//! What lies ahead, by direction: the nearest thing in each half degree, seen from the body's centre (S2, Avoid).
+//! What lies around, by direction: the nearest thing in each half degree, seen from the body's centre (S2, Avoid).
 //!
 //! S2 counts angles from the robot's right: 0 is right, π/2 ahead, π left. Here `bearing` is the usual one, 0 ahead and
 //! counter-clockwise; S2's angle is bearing + π/2. A ranger at the distance L ahead of the axle that measures d at the
@@ -9,23 +9,45 @@ use messages::{Beam, Echo, Ranges, Track};
 use runtime::math;
 use std::f64::consts::{FRAC_PI_2, PI};
 
-/// Directions from the right to the left.
+/// Directions from the right over ahead to the left.
 pub const DIRECTIONS: usize = 361;
 /// From one direction to the next [rad].
 pub const SPACING_RAD: f64 = PI / (DIRECTIONS - 1) as f64;
 
-/// The nearest thing in each direction, from −π/2 to π/2.
+/// Those, and on over behind back to the right.
+const ALL: usize = 2 * (DIRECTIONS - 1);
+
+/// The nearest thing in each direction: those of the index 0 to 360 are ahead, −π/2 to π/2; what lies behind counts only
+/// in the judgement of the room to go.
 #[derive(Debug, Clone)]
 pub struct Horizon {
-    distance_m: Box<[f64; DIRECTIONS]>,
+    distance_m: Box<[f64; ALL]>,
     /// Sine and cosine of each direction.
-    axes: Box<[(f64, f64); DIRECTIONS]>,
+    axes: Box<[(f64, f64); ALL]>,
+    /// Of the ranger's beams, kept while their bearings stay the same: a sine costs more than all the rest.
+    beams: Box<[Sighting]>,
 }
+
+/// The direction of a beam.
+#[derive(Debug, Clone, Copy)]
+struct Sighting {
+    bearing_rad: f32,
+    sin: f64,
+    cos: f64,
+}
+
+/// Directions of so many beams are kept; those behind are computed each time.
+const KEPT_BEAMS: usize = 1200;
 
 impl Default for Horizon {
     fn default() -> Horizon {
         let axes = std::array::from_fn(|k| math::sin_cos(bearing_rad(k)));
-        Horizon { distance_m: Box::new([f64::INFINITY; DIRECTIONS]), axes: Box::new(axes) }
+        let unknown = Sighting { bearing_rad: f32::NAN, sin: 0.0, cos: 0.0 };
+        Horizon {
+            distance_m: Box::new([f64::INFINITY; ALL]),
+            axes: Box::new(axes),
+            beams: vec![unknown; KEPT_BEAMS].into(),
+        }
     }
 }
 
@@ -34,10 +56,24 @@ pub fn bearing_rad(index: usize) -> f64 {
     index as f64 * SPACING_RAD - FRAC_PI_2
 }
 
-/// The direction nearest to `bearing_rad`, if it is one ahead.
-pub fn index_of(bearing_rad: f64) -> Option<usize> {
-    let at = ((bearing_rad + FRAC_PI_2) / SPACING_RAD).round();
-    (at >= 0.0 && at < DIRECTIONS as f64).then_some(at as usize)
+/// The direction nearest to `bearing_rad`.
+fn index_of(bearing_rad: f64) -> usize {
+    let at = (bearing_rad + FRAC_PI_2) / SPACING_RAD;
+    // A bearing is within (−π, π], so that only its right rear is below zero.
+    let at = if at < -0.5 { at + ALL as f64 } else { at };
+    (at.round().max(0.0) as usize).min(ALL - 1)
+}
+
+/// The bearing of a point, to 10⁻⁵ rad: enough to round to a quarter of a degree, at a tenth of the exact one's cost
+/// (Abramowitz and Stegun 4.4.49).
+fn about_rad(y_m: f64, x_m: f64) -> f64 {
+    let (ahead, aside) = (x_m.abs(), y_m.abs());
+    let share = ahead.min(aside) / ahead.max(aside).max(f64::MIN_POSITIVE);
+    let s = share * share;
+    let atan = share * (0.999_866_0 + s * (-0.330_299_5 + s * (0.180_141_0 + s * (-0.085_133_0 + s * 0.020_835_1))));
+    let quarter = if aside > ahead { FRAC_PI_2 - atan } else { atan };
+    let half = if x_m < 0.0 { PI - quarter } else { quarter };
+    if y_m < 0.0 { -half } else { half }
 }
 
 impl Horizon {
@@ -57,47 +93,51 @@ impl Horizon {
         distance_m.is_finite().then_some((distance_m * cos, distance_m * sin))
     }
 
-    /// All points: direction, x and y in the body frame [m].
+    /// All points ahead: direction, x and y in the body frame [m].
     pub fn points(&self) -> impl Iterator<Item = (usize, f64, f64)> + '_ {
         (0..DIRECTIONS).filter_map(|index| self.point(index).map(|(x, y)| (index, x, y)))
     }
 
     /// Adds the beams of a sample.
     pub fn take(&mut self, ranges: &Ranges, beams: &[Beam]) {
-        for beam in beams {
+        let steps = (0.5 * f64::from(ranges.beam_width_rad) / SPACING_RAD).floor().clamp(0.0, 720.0) as i32;
+        for (k, beam) in beams.iter().enumerate() {
             let range_m = match beam.echo {
                 e if e == Echo::Value as u32 => f64::from(beam.range_m),
                 e if e == Echo::TooNear as u32 => 0.5 * f64::from(ranges.min_range_m),
                 _ => continue,
             };
-            let bearing = f64::from(beam.bearing_rad);
-            if !(range_m >= 0.0 && range_m.is_finite() && bearing.is_finite()) {
+            if !(range_m >= 0.0 && range_m.is_finite() && beam.bearing_rad.is_finite()) {
                 continue;
             }
             let (origin_x, origin_y) = (f64::from(beam.origin_x_m), f64::from(beam.origin_y_m));
-            let mut add = |bearing: f64| {
-                let (sin, cos) = math::sin_cos(bearing);
-                self.add_point(origin_x + range_m * cos, origin_y + range_m * sin);
-            };
-            add(bearing);
+            let (sin, cos) = self.direction(k, beam.bearing_rad);
+            self.add_point(origin_x + range_m * cos, origin_y + range_m * sin);
             // Anything on a cone's arc may have answered.
-            let half_rad = 0.5 * f64::from(ranges.beam_width_rad);
-            let mut aside = SPACING_RAD;
-            while aside <= half_rad {
-                add(bearing + aside);
-                add(bearing - aside);
-                aside += SPACING_RAD;
+            for step in 1..=steps {
+                for aside in [SPACING_RAD, -SPACING_RAD] {
+                    let (sin, cos) = math::sin_cos(f64::from(beam.bearing_rad) + aside * f64::from(step));
+                    self.add_point(origin_x + range_m * cos, origin_y + range_m * sin);
+                }
             }
         }
     }
 
-    fn add_point(&mut self, x_m: f64, y_m: f64) {
-        let distance_m = math::hypot(x_m, y_m);
-        if let Some(index) = index_of(math::atan2(y_m, x_m))
-            && distance_m < self.distance_m[index]
-        {
-            self.distance_m[index] = distance_m;
+    /// Sine and cosine of beam `k`'s bearing.
+    fn direction(&mut self, k: usize, bearing_rad: f32) -> (f64, f64) {
+        let Some(kept) = self.beams.get_mut(k) else { return math::sin_cos(f64::from(bearing_rad)) };
+        // By bits, so that the initial NaN counts as different from everything.
+        if kept.bearing_rad.to_bits() != bearing_rad.to_bits() {
+            let (sin, cos) = math::sin_cos(f64::from(bearing_rad));
+            *kept = Sighting { bearing_rad, sin, cos };
         }
+        (kept.sin, kept.cos)
+    }
+
+    fn add_point(&mut self, x_m: f64, y_m: f64) {
+        let distance_m = (x_m * x_m + y_m * y_m).sqrt();
+        let nearest_m = &mut self.distance_m[index_of(about_rad(y_m, x_m))];
+        *nearest_m = nearest_m.min(distance_m);
     }
 
     /// Adds a disc: what of it would be seen from the body's centre.
@@ -111,17 +151,21 @@ impl Horizon {
             self.distance_m.fill(0.0);
             return;
         }
-        let bearing = math::atan2(y_m, x_m);
         let half_rad = math::asin((radius_m / away_m).min(1.0));
-        let steps = (half_rad / SPACING_RAD).floor() as i32;
-        for step in -steps..=steps {
-            let aside_rad = f64::from(step) * SPACING_RAD;
-            if let Some(index) = index_of(bearing + aside_rad) {
-                let (sin, cos) = math::sin_cos(aside_rad);
-                let chord_m = (radius_m * radius_m - away_m * away_m * sin * sin).max(0.0).sqrt();
-                let distance_m = away_m * cos - chord_m;
-                self.distance_m[index] = self.distance_m[index].min(distance_m);
-            }
+        let middle = (math::atan2(y_m, x_m) + FRAC_PI_2) / SPACING_RAD;
+        // A direction that just touches it, to the last digit, is not in it, on either side.
+        let steps = half_rad / SPACING_RAD - 1e-9;
+        // Thin as it may be, it is in one direction.
+        let (first, last) = ((middle - steps).ceil().min(middle.round()), (middle + steps).floor().max(middle.round()));
+        for k in first as i64..=last as i64 {
+            let index = k.rem_euclid(ALL as i64) as usize;
+            let (sin, cos) = self.axes[index];
+            let (along_m, aside_m) = (x_m * cos + y_m * sin, y_m * cos - x_m * sin);
+            let chord_m = (radius_m * radius_m - aside_m * aside_m).max(0.0).sqrt();
+            // Its nearest point is in the direction of its centre, wherever the grid lies.
+            let is_m = if k == middle.round() as i64 { away_m - radius_m } else { along_m - chord_m };
+            let distance_m = &mut self.distance_m[index];
+            *distance_m = distance_m.min(is_m);
         }
     }
 
@@ -139,7 +183,8 @@ impl Horizon {
     /// `most_m` [m].
     pub fn free_m(&self, bearing_rad: f64, half_width_m: f64, most_m: f64) -> f64 {
         let (sin, cos) = math::sin_cos(bearing_rad);
-        let ahead = self.points().filter_map(|(_, x, y)| {
+        let all = (0..ALL).filter_map(|index| self.point(index));
+        let ahead = all.filter_map(|(x, y)| {
             let (along, aside) = (x * cos + y * sin, y * cos - x * sin);
             (along > 0.0 && aside.abs() < half_width_m).then_some(along)
         });
@@ -149,7 +194,7 @@ impl Horizon {
     /// Mean free distance on the right and on the left, each direction counted up to `most_m` [m].
     pub fn room_m(&self, most_m: f64) -> (f64, f64) {
         let mean = |part: &[f64]| part.iter().map(|d| d.min(most_m)).sum::<f64>() / part.len() as f64;
-        (mean(&self.distance_m[..DIRECTIONS / 2]), mean(&self.distance_m[DIRECTIONS / 2 + 1..]))
+        (mean(&self.distance_m[..DIRECTIONS / 2]), mean(&self.distance_m[DIRECTIONS / 2 + 1..DIRECTIONS]))
     }
 }
 
@@ -200,6 +245,16 @@ mod tests {
     }
 
     #[test]
+    fn the_quick_bearing_is_that_of_the_exact_one() {
+        for k in 0..3600 {
+            let bearing = f64::from(k) * 0.1_f64.to_radians() - PI + 1e-6;
+            let (sin, cos) = math::sin_cos(bearing);
+            assert!((about_rad(0.7 * sin, 0.7 * cos) - bearing).abs() < 1.2e-5, "{bearing}");
+        }
+        assert_eq!(about_rad(0.0, 0.0), 0.0);
+    }
+
+    #[test]
     fn a_cone_fills_every_direction_that_it_may_have_answered_from() {
         let mut horizon = Horizon::default();
         horizon.take(&Ranges { beam_width_rad: 0.5, ..LASER }, &[beam(0.0, 1.0)]);
@@ -229,6 +284,19 @@ mod tests {
         assert!(horizon.free_m(0.46, 0.1, 3.0) < 1.1);
         let (right, left) = horizon.room_m(3.0);
         assert!(left < right && right == 3.0);
+    }
+
+    #[test]
+    fn what_stands_behind_the_shoulder_is_in_the_way_of_a_turn_to_that_side() {
+        let mut horizon = Horizon::default();
+        horizon.add_disc(-0.05, -0.4, 0.04);
+        assert_eq!(horizon.points().count(), 0);
+        assert!(horizon.free_m(-FRAC_PI_2, 0.3, 3.0) < 0.45);
+        assert_eq!(horizon.free_m(0.0, 0.3, 3.0), 3.0);
+        let behind = beam(PI, 1.0);
+        let mut horizon = Horizon::default();
+        horizon.take(&LASER, &[behind]);
+        assert!(horizon.points().count() == 0 && (horizon.free_m(PI, 0.3, 3.0) - 0.8).abs() < 0.01);
     }
 
     #[test]

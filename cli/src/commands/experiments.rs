@@ -1,5 +1,6 @@
 //! `sinew experiments`: the service robot's experiments, and whether they reach what they must.
 
+use crate::built_in::node_types;
 use crate::exit::{CHECK, Failure, USAGE};
 use crate::experiments::{ALL, Extent, Figure, Outcome, Target};
 use crate::output::{Align, Cell, Out, Table, Tone, number};
@@ -10,7 +11,7 @@ use std::path::PathBuf;
 /// Repeats the reflexive layer's experiments in simulation and holds them to their figures
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// Which: goto, goto_avoid, emergency_stop, move, profiles; without any all of them
+    /// Which: goto, goto_avoid, goto_avoid_laser, emergency_stop, move, profiles; without any all of them
     name: Vec<String>,
     /// A tenth of the runs: for a look, not for figures
     #[arg(long)]
@@ -18,6 +19,9 @@ pub struct Args {
     /// Threads; without it all cores. The results do not depend on it
     #[arg(long)]
     jobs: Option<usize>,
+    /// Another robot file in the service robot's stead, with the same nodes: to try other settings
+    #[arg(long, value_name = "FILE")]
+    robot: Option<PathBuf>,
     /// Draws plots into this folder
     #[arg(long, value_name = "DIR")]
     plot: Option<PathBuf>,
@@ -38,7 +42,9 @@ pub fn run(args: Args) -> Result<(), Failure> {
         }
     }
     let jobs = args.jobs.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, usize::from));
-    let extent = Extent { part: if args.quick { 0.1 } else { 1.0 }, jobs };
+    let changes = crate::load::Changes::default();
+    let robot = args.robot.as_deref().map(|file| crate::load::robot(Some(file), &changes, &node_types(&[]))).transpose()?;
+    let extent = Extent { part: if args.quick { 0.1 } else { 1.0 }, jobs, robot };
     let mut out = Out::stdout();
     let mut missed = Vec::new();
     for (name, experiment) in ALL.iter().filter(|(name, _)| args.name.is_empty() || args.name.iter().any(|n| n == name))

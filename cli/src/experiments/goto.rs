@@ -4,10 +4,10 @@
 //! with imperfect ones (scale, turn, drift and slip drawn from the seed), where the robot has nothing but its encoders and
 //! the truth drifts away from what it knows. S2 had position fixes in between.
 
-use super::rig::{End, OpMode, Rig, configure, service};
+use super::chart::{Chart, Mark, Series};
+use super::rig::{End, OpMode, Rig, configure};
 use super::{Extent, Figure, Outcome, chance, greatest, in_parallel, quantile};
 use crate::exit::Failure;
-use crate::picture;
 use messages::{GotoGoal, Odometry};
 use runtime::{Layer, math};
 use std::f64::consts::TAU;
@@ -30,12 +30,19 @@ struct Ended {
     took_s: f64,
     contacts: u64,
     remark: Option<String>,
-    picture: Option<String>,
+    goal: (f64, f64),
+    track: Vec<(f64, f64)>,
 }
+
+/// What the issue asks for [m], and the tolerance that is asked of Goto.
+const PROGRAMMED_M: f64 = 0.10;
+const TOLERANCE_M: f64 = 0.02;
+/// As many tracks are drawn.
+const DRAWN: usize = 40;
 
 /// Runs the experiment.
 pub fn run(extent: &Extent) -> Result<Outcome, Failure> {
-    let imperfect = service("open")?;
+    let imperfect = extent.service("open")?;
     let mut perfect = imperfect.clone();
     configure(&mut perfect, Layer::Simulator, "world", |config| {
         let none = ["distance_error", "turn_error", "drift_rad_per_m", "slip_m", "encoder_ticks"];
@@ -63,10 +70,7 @@ pub fn run(extent: &Extent) -> Result<Outcome, Failure> {
         rig.watch(1.0);
         let truth = rig.truth();
         let pose: Odometry = rig.latest("/perception/odometry/pose").unwrap_or_default();
-        let picture = match run {
-            0 => Some(picture::of_track(robot, &rig.track())?),
-            _ => None,
-        };
+        let drawn = if is_perfect && index < DRAWN { &rig.moments[..] } else { &[] };
         Ok(Ended {
             perfect: is_perfect,
             arrived: matches!(end, End::Done(_)),
@@ -76,9 +80,11 @@ pub fn run(extent: &Extent) -> Result<Outcome, Failure> {
             took_s,
             contacts: truth.contacts.iter().sum(),
             remark: (!matches!(end, End::Done(_))).then(|| format!("seed {seed} to {goal:?}: {end:?}")),
-            picture,
+            goal: (goal.x_m, goal.y_m),
+            track: drawn.iter().step_by(10).map(|m| (m.truth.x_m, m.truth.y_m)).collect(),
         })
     })?;
+    let pictures = pictures(&ended);
     let all = |value: fn(&Ended) -> f64| ended.iter().map(value).collect::<Vec<f64>>();
     let errors =
         |perfect: bool| -> Vec<f64> { ended.iter().filter(|e| e.perfect == perfect).map(|e| e.true_error_m).collect() };
@@ -101,10 +107,53 @@ pub fn run(extent: &Extent) -> Result<Outcome, Failure> {
                 .at_most(0.02),
             Figure::new("greatest heading error", greatest(ended.iter().filter_map(|e| e.heading_error_rad)), "rad")
                 .at_most(0.05),
+            Figure::new("within 2 cm by truth, perfect wheels", within(&perfect, TOLERANCE_M), "share").at_least(1.0),
+            Figure::new("within 2 cm by truth, imperfect wheels", within(&imperfect, TOLERANCE_M), "share"),
+            Figure::new("within 10 cm by truth, imperfect wheels", within(&imperfect, PROGRAMMED_M), "share")
+                .at_least(1.0),
             Figure::new("median time", quantile(&all(|e| e.took_s), 0.5), "s"),
             Figure::new("contacts", ended.iter().map(|e| e.contacts).sum::<u64>() as f64, "").at_most(0.0),
         ],
         remarks: ended.iter().filter_map(|e| e.remark.clone()).take(5).collect(),
-        pictures: ended.into_iter().filter_map(|e| e.picture).map(|svg| ("goto.svg".into(), svg)).collect(),
+        pictures,
     })
+}
+
+fn within(errors: &[f64], most_m: f64) -> f64 {
+    errors.iter().filter(|error| **error <= most_m).count() as f64 / errors.len().max(1) as f64
+}
+
+/// The tracks, and how far from the target they ended.
+fn pictures(ended: &[Ended]) -> Vec<(String, String)> {
+    let errors = |perfect: bool| -> Vec<f64> {
+        ended.iter().filter(|e| e.perfect == perfect).map(|e| 100.0 * e.true_error_m).collect()
+    };
+    let bars = [
+        Series::histogram("imperfect wheels", 1, &errors(false), 0.5),
+        Series::histogram("perfect wheels", 0, &errors(true), 0.5),
+    ];
+    let histogram = Chart {
+        title: "Goto: distance from the target at rest",
+        x: "error by truth [cm]",
+        y: "runs",
+        series: &bars,
+        bounds: &[(100.0 * TOLERANCE_M, "tolerance 2 cm"), (100.0 * PROGRAMMED_M, "bound 10 cm")],
+        is_map: false,
+    };
+    let drawn = || ended.iter().filter(|e| !e.track.is_empty());
+    let mut series: Vec<Series> = drawn().map(|e| Series::line("", 0, e.track.clone())).collect();
+    if let Some(first) = series.first_mut() {
+        first.name = "track by truth".into();
+    }
+    let targets = Series::line("within 10 cm of a target", 1, drawn().map(|e| e.goal).collect());
+    series.push(Series { mark: Mark::Rings(PROGRAMMED_M), ..targets });
+    let map = Chart {
+        title: "Goto: from the middle of the hall to random targets",
+        x: "x [m]",
+        y: "y [m]",
+        series: &series,
+        bounds: &[],
+        is_map: true,
+    };
+    vec![("goto.svg".into(), map.svg()), ("goto_errors.svg".into(), histogram.svg())]
 }

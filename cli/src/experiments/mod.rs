@@ -3,7 +3,7 @@
 //! Every run is a whole robot (driver, perception, actions, coordinator, motion) in the simulated host, ordered by call as
 //! a person would; its end is judged by the simulator's truth. Same seeds, same figures, on any machine.
 
-mod chart;
+pub mod chart;
 mod emergency_stop;
 mod goto;
 mod goto_avoid;
@@ -12,22 +12,38 @@ mod profiles;
 pub mod rig;
 
 use crate::exit::Failure;
+use runtime::robot::Robot;
 use serde::Serialize;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// How much is run.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone)]
 pub struct Extent {
     /// Share of the whole: 1 for the figures, less for a look.
     pub part: f64,
     /// Threads.
     pub jobs: usize,
+    /// A robot in the service robot's stead, with its nodes, for a trial of other settings.
+    pub robot: Option<Robot>,
 }
 
 impl Extent {
     /// So many of `whole` runs, at least one.
     fn of(&self, whole: usize) -> usize {
         ((whole as f64 * self.part).ceil() as usize).max(1)
+    }
+
+    /// The service robot in `world`, or what stands in its stead.
+    fn service(&self, world: &str) -> Result<Robot, Failure> {
+        self.variant("robot.toml", world)
+    }
+
+    /// The same as one of its files has it.
+    fn variant(&self, file: &str, world: &str) -> Result<Robot, Failure> {
+        match &self.robot {
+            Some(robot) => Ok(rig::placed(robot.clone(), world)),
+            None => rig::variant(file, world),
+        }
     }
 }
 
@@ -115,7 +131,8 @@ pub type Experiment = (&'static str, fn(&Extent) -> Result<Outcome, Failure>);
 /// All experiments, in the order of the source.
 pub const ALL: &[Experiment] = &[
     ("goto", goto::run),
-    ("goto_avoid", goto_avoid::run),
+    ("goto_avoid", goto_avoid::with_sonar),
+    ("goto_avoid_laser", goto_avoid::with_laser),
     ("emergency_stop", emergency_stop::run),
     ("move", moves::run),
     ("profiles", profiles::run),

@@ -1,7 +1,7 @@
 //! Move: 10, 20, 30 cm/s for 5 s, and 30 cm/s with wheel differences of −15 to +15 cm/s; by encoders every 0.1 s (mode 1).
 
 use super::chart::{Chart, Series};
-use super::rig::{End, OpMode, Rig, service};
+use super::rig::{End, OpMode, Rig};
 use super::{Extent, Figure, Outcome, greatest, in_parallel};
 use crate::exit::Failure;
 use messages::{MoveRequest, Odometry};
@@ -28,7 +28,7 @@ struct Ended {
 
 /// Runs the experiment.
 pub fn run(extent: &Extent) -> Result<Outcome, Failure> {
-    let robot = service("open")?;
+    let robot = extent.service("open")?;
     let count = ORDERS.len() * extent.of(SEEDS);
     let ended = in_parallel(count, extent.jobs, |index| {
         let (speed_m_s, wheel_difference_m_s) = ORDERS[index % ORDERS.len()];
@@ -56,14 +56,14 @@ pub fn run(extent: &Extent) -> Result<Outcome, Failure> {
         let off = |is: f64, ordered: f64| (is - ordered).abs() / speed_m_s;
         let name = match wheel_difference_m_s {
             0.0 => format!("{:.0} cm/s", speed_m_s * 100.0),
-            difference => format!("{:+.0} cm/s wheels", difference * 100.0),
+            difference => format!("{:+.0} cm/s", difference * 100.0).replace('-', "−"),
         };
         Ok(Ended {
             speed_error: off(mean(|m| m.0), speed_m_s),
             difference_error: off(mean(|m| m.1), wheel_difference_m_s),
             worst: greatest(cruise.iter().map(|m| off(m.0, speed_m_s).max(off(m.1, wheel_difference_m_s)))),
             remark: (!matches!(end, End::Done(_))).then(|| format!("{name}, seed {seed}: {end:?}")),
-            series: Series { name, points: samples },
+            series: Series::line(name, index % ORDERS.len() % 6, samples),
         })
     })?;
     let mean = |value: fn(&Ended) -> f64| ended.iter().map(value).sum::<f64>() / count as f64;
@@ -86,13 +86,14 @@ pub fn run(extent: &Extent) -> Result<Outcome, Failure> {
     let remarks = ended.iter().filter_map(|e| e.remark.clone()).take(5).collect();
     let mut series: Vec<Series> = ended.into_iter().take(ORDERS.len()).map(|e| e.series).collect();
     let differences = series.split_off(3);
+    let base = Chart { title: "", x: "time since the order [s]", y: "", series: &[], bounds: &[], is_map: false };
     let straight =
-        Chart { title: "Move: 10, 20, 30 cm/s for 5 s", x: "time [s]", y: "speed by encoders [m/s]", series: &series };
+        Chart { title: "Move: 10, 20, 30 cm/s for 5 s", y: "speed by encoders [m/s]", series: &series, ..base };
     let turning = Chart {
         title: "Move: 30 cm/s with a difference between the wheels",
-        x: "time [s]",
         y: "right less left, by encoders [m/s]",
         series: &differences,
+        ..base
     };
     Ok(Outcome {
         experiment: "move",

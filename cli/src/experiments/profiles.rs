@@ -1,7 +1,7 @@
 //! Velocity profiles: a goal straight ahead, with and without a bound on the jerk (mode 3).
 
 use super::chart::{Chart, Series};
-use super::rig::{EVERY_S, End, OpMode, Rig, configure, service};
+use super::rig::{EVERY_S, End, OpMode, Rig, configure};
 use super::{Extent, Figure, Outcome, greatest, in_parallel};
 use crate::exit::Failure;
 use messages::GotoGoal;
@@ -16,7 +16,7 @@ const DECELERATION_M_S2: f64 = 0.8;
 /// Runs the experiment.
 pub fn run(extent: &Extent) -> Result<Outcome, Failure> {
     let runs = in_parallel(JERKS.len(), extent.jobs, |index| {
-        let mut robot = service("open")?;
+        let mut robot = extent.service("open")?;
         configure(&mut robot, Layer::Motion, "drive", |config| match JERKS[index] {
             Some(jerk) => drop(config.insert("max_jerk_m_s3".into(), jerk.into())),
             None => drop(config.remove("max_jerk_m_s3")),
@@ -26,10 +26,10 @@ pub fn run(extent: &Extent) -> Result<Outcome, Failure> {
         let goal = GotoGoal { x_m: 9.0, y_m: 6.0, heading_rad: f64::NAN, tolerance_m: 0.0 };
         let ticket = rig.order("/actions/goto", "goto", &goal);
         let end = rig.until_over(ticket, 60.0);
-        let name = JERKS[index].map_or("trapezoid".to_owned(), |jerk| format!("{jerk} m/s³"));
+        let name = JERKS[index].map_or("unbounded".to_owned(), |jerk| format!("{jerk} m/s³"));
         let speeds = rig.moments.iter().filter(|m| m.time_s >= begun_s);
         let points: Vec<(f64, f64)> = speeds.map(|m| (m.time_s - begun_s, m.command.velocity.linear_x_m_s)).collect();
-        Ok((Series { name, points }, end))
+        Ok((Series::line(name, index, points), end))
     })?;
     let gains =
         |series: &Series| -> Vec<f64> { series.points.windows(2).map(|p| (p[1].1 - p[0].1) / EVERY_S).collect() };
@@ -54,10 +54,23 @@ pub fn run(extent: &Extent) -> Result<Outcome, Failure> {
         .collect();
     let series: Vec<Series> = runs.into_iter().map(|(series, _)| series).collect();
     let chart = Chart {
-        title: "A goal 3 m straight ahead",
-        x: "time [s]",
+        title: "A goal 3 m straight ahead: speed by bound of the jerk",
+        x: "time since the order [s]",
         y: "speed sent to the wheels [m/s]",
         series: &series,
+        bounds: &[],
+        is_map: false,
+    };
+    let gained = |series: &Series| Series {
+        points: series.points.windows(2).map(|p| (p[1].0, (p[1].1 - p[0].1) / EVERY_S)).collect(),
+        ..series.clone()
+    };
+    let accelerations: Vec<Series> = series.iter().map(gained).collect();
+    let second = Chart {
+        title: "The same: acceleration",
+        y: "acceleration [m/s²]",
+        series: &accelerations,
+        ..chart.clone()
     };
     Ok(Outcome {
         experiment: "profiles",
@@ -65,6 +78,6 @@ pub fn run(extent: &Extent) -> Result<Outcome, Failure> {
         runs: count,
         figures,
         remarks,
-        pictures: vec![("profiles.svg".into(), chart.svg())],
+        pictures: vec![("profiles.svg".into(), chart.svg()), ("profiles_acceleration.svg".into(), second.svg())],
     })
 }

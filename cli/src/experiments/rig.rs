@@ -60,14 +60,24 @@ const READY_S: f64 = 1.5;
 
 /// The service robot in one of its worlds.
 pub fn service(world: &str) -> Result<Robot, Failure> {
-    let (_, text) = SERVICE[0];
+    variant("robot.toml", world)
+}
+
+/// The service robot as one of its files has it: `robot.toml` with a ring of sonars, `laser.toml` with a laser.
+pub fn variant(file: &str, world: &str) -> Result<Robot, Failure> {
+    let text = SERVICE.iter().find(|(name, _)| *name == file).map_or(&[][..], |(_, text)| *text);
     let text = std::str::from_utf8(text).map_err(|e| Failure::from(e.to_string()))?;
-    let mut robot = Robot::parse(text, "robots/service/robot.toml", Resources::Embedded(SERVICE), &node_types(&[]))
-        .map_err(load::errors)?;
+    let name = format!("robots/service/{file}");
+    let robot = Robot::parse(text, &name, Resources::Embedded(SERVICE), &node_types(&[])).map_err(load::errors)?;
+    Ok(placed(robot, world))
+}
+
+/// A robot in a world of the service robot's.
+pub fn placed(mut robot: Robot, world: &str) -> Robot {
     configure(&mut robot, Layer::Simulator, "world", |config| {
         config.insert("world".into(), format!("worlds/{world}.toml").into());
     });
-    Ok(robot)
+    robot
 }
 
 /// Changes a node's settings.

@@ -34,6 +34,9 @@ pub struct Args {
     /// Draws map, track and contacts of the first run (of all runs with a contact caused, if there are any)
     #[arg(long, value_name = "FILE")]
     svg: Option<PathBuf>,
+    /// Draws the same run's speeds and clearance against time
+    #[arg(long, value_name = "FILE")]
+    plot: Option<PathBuf>,
     /// Records every run for `sinew replay`; where there are several, FILE-SEED.mcap
     #[arg(long, value_name = "FILE", conflicts_with = "faults")]
     record: Option<PathBuf>,
@@ -80,15 +83,13 @@ pub fn run(args: Args, types: &[NodeType]) -> Result<(), Failure> {
         eprint!("\r{:40}\r", "");
     }
     let total = simulation::total(&runs, seconds);
-    if let Some(file) = &args.svg {
-        let drawn = runs.iter().find(|run| run.result.contacts_caused > 0).or(runs.first());
-        if let Some(run) = drawn {
-            let picture = crate::picture::of_run(&robot, run)?;
-            std::fs::write(file, picture)
-                .map_err(|e| Failure::from(format!("cannot write {}: {e}", file.display())))?;
-            if !args.json {
-                println!("drew seed {} to {}", run.result.seed, file.display());
-            }
+    let drawn = runs.iter().find(|run| run.result.contacts_caused > 0).or(runs.first());
+    for (file, is_map) in [(&args.svg, true), (&args.plot, false)] {
+        let (Some(file), Some(run)) = (file, drawn) else { continue };
+        let picture = if is_map { crate::picture::of_run(&robot, run)? } else { crate::picture::of_speeds(&robot, run) };
+        std::fs::write(file, picture).map_err(|e| Failure::from(format!("cannot write {}: {e}", file.display())))?;
+        if !args.json {
+            println!("drew seed {} to {}", run.result.seed, file.display());
         }
     }
     let mut out = std::io::stdout().lock();
