@@ -214,7 +214,13 @@ struct Normal {
 impl Normal {
     /// The rows of [`radial`] for all `points`, each of the same weight: only the upper triangle is summed, and the
     /// weight is multiplied once.
-    fn of_points<'a>(points: impl Iterator<Item = &'a Point>, x_m: f64, y_m: f64, radius_m: f64, weight: f64) -> Normal {
+    fn of_points<'a>(
+        points: impl Iterator<Item = &'a Point>,
+        x_m: f64,
+        y_m: f64,
+        radius_m: f64,
+        weight: f64,
+    ) -> Normal {
         let (mut xx, mut xy, mut yy, mut x, mut y, mut count) = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0);
         let (mut along_x, mut along_y, mut sum) = (0.0, 0.0, 0.0);
         for p in points {

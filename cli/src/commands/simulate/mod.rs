@@ -85,7 +85,8 @@ pub fn run(args: Args, types: &[NodeType]) -> Result<(), Failure> {
     let drawn = runs.iter().find(|run| run.result.contacts_caused > 0).or(runs.first());
     for (file, is_map) in [(&args.svg, true), (&args.plot, false)] {
         let (Some(file), Some(run)) = (file, drawn) else { continue };
-        let picture = if is_map { crate::picture::of_run(&robot, run)? } else { crate::picture::of_speeds(&robot, run) };
+        let picture =
+            if is_map { crate::picture::of_run(&robot, run)? } else { crate::picture::of_speeds(&robot, run) };
         std::fs::write(file, picture).map_err(|e| Failure::from(format!("cannot write {}: {e}", file.display())))?;
         if !args.json {
             println!("drew seed {} to {}", run.result.seed, file.display());
