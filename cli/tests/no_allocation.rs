@@ -56,6 +56,12 @@ fn no_built_in_node_allocates_in_a_step() {
             "service" => format!(
                 "{text}[nodes.near]\ntype = \"ranges\"\ntrigger = \"ranger\"\nreads.ranger = \"/drivers/base/sonar\"\n"
             ),
+            // A governor that decides now and then.
+            "pioneer" => format!(
+                "{text}[nodes.governor]\ntype = \"governor\"\nperiod_ms = 50\nreads.motion = \"/motion/drive/state\"\n\
+                 config.rules = [{{ when = \"danger > 0.3\", mode = \"default\", dwell_s = 0.1 }}, \
+                 {{ when = \"always\", mode = \"default\", dwell_s = 0.1 }}]\n"
+            ),
             _ => text,
         };
         let robot = Robot::parse(&text, name, Resources::Embedded(files), &types).unwrap();

@@ -2,7 +2,7 @@
 //!
 //! Reads `velocity` (what the coordinator wants), `ranges` (a set: every ranger that watches over the body), `fallback`
 //! (optional: a ranger that is asked while the whole set is silent), `base` (bumpers, stalls, readiness), `odometry`
-//! (optional: to carry what was seen to now), `tracks` (optional: what moves), `timing` and `driver_timing` (optional: how
+//! (optional: to carry what was seen to now, and to remember it: [`crate::memory`]), `tracks` (optional: what moves), `timing` and `driver_timing` (optional: how
 //! this node and the driver kept time in this run). Writes `command`, `wheels` and `state`.
 //!
 //! The stop latch stands above all: while it does not allow motion, zero is sent at once, and no power is wanted.
@@ -12,9 +12,10 @@
 //! stop zone along the swept footprint ([`crate::zone`]); ramps, where the robot file says so without jerks
 //! ([`crate::profile`]). Whatever is missing makes the result slower, never faster.
 
-use crate::footprint::Velocity;
+use crate::footprint::{Footprint, Velocity};
 use crate::guard_zone::{GuardZoneConfig, MOVERS, Mover, take_movers};
 use crate::kinematics::Kinematics;
+use crate::memory::{self, Memory, MemoryConfig, Place};
 use crate::obstacles::Obstacles;
 use crate::reaction::Reaction;
 use crate::restraint::{LimpLimits, explain, restrain};
@@ -22,7 +23,7 @@ use crate::safe_motion::{SafeMotion, Surroundings};
 use messages::{
     BaseState, Command, MotionState, NodeStatistics, Odometry, Ranges, SupervisorState, Tracks, Twist, WheelVelocities,
 };
-use runtime::{Fault, Layer, Node, OpenError, Ports, Reader, Set, StopLatch, Time, Writer};
+use runtime::{Fault, Layer, Node, OpenError, Ports, Reader, Set, StopLatch, Time, Writer, math};
 use schemars::JsonSchema;
 use serde::Deserialize;
 
@@ -76,6 +77,8 @@ pub struct DriveConfig {
     pub horizon_m: f64,
     /// Most points of obstacles.
     pub capacity: usize,
+    /// Where rangers of narrow beams do not see all round: what has left their sight is remembered.
+    pub memory: Option<MemoryConfig>,
 }
 
 impl Default for DriveConfig {
@@ -104,6 +107,7 @@ impl Default for DriveConfig {
             guard_zone: GuardZoneConfig::default(),
             horizon_m: 1.5,
             capacity: 512,
+            memory: None,
         }
     }
 }
@@ -127,6 +131,9 @@ pub struct Drive {
     state: Writer<MotionState>,
     latch: StopLatch,
     obstacles: Obstacles,
+    memory: Option<Memory>,
+    /// What is remembered where the body stands is none.
+    under_body: Footprint,
     /// Tells whether the set of ranges is another than at the last step.
     fingerprint: Fingerprint,
     last_step: Option<Time>,
@@ -159,7 +166,13 @@ impl Node for Drive {
             wheels: ports.writer("wheels")?,
             state: ports.writer("state")?,
             latch: ports.stop_latch(),
-            obstacles: Obstacles::new(config.capacity, config.horizon_m),
+            obstacles: Obstacles::with_room_for(
+                config.capacity,
+                config.memory.map_or(0, |memory| memory.capacity),
+                config.horizon_m,
+            ),
+            memory: config.memory.map(Memory::new),
+            under_body: Footprint::of(ports.body(), config.cut_corners_m).shrunk(UNDER_BODY_M),
             fingerprint: Fingerprint::default(),
             last_step: None,
             safe,
@@ -185,12 +198,13 @@ impl Node for Drive {
         let measured = self.odometry.fresh(now).map(|odometry| velocity_of(&odometry.velocity));
         let measured = measured.filter(|v| v.is_finite()).unwrap_or(self.safe.sent());
         let base = self.base.fresh(now).map(|base| *base.message);
-        let (points, seen) = self.obstacles.carried(now, measured, self.ranges.max_age_s());
+        let seen = self.obstacles.carry(now, measured, self.ranges.max_age_s());
+        self.recall(now);
         self.movers.clear();
         if let Some(tracks) = self.tracks.fresh(now) {
             take_movers(&mut self.movers, tracks.tail, now.since(tracks.stamp), measured);
         }
-        let surroundings = Surroundings { points, seen, movers: &self.movers };
+        let surroundings = Surroundings { points: self.obstacles.points(), seen, movers: &self.movers };
         let moves = self.latch.allows_motion();
         let decided = self.safe.decide(now, dt_s, wanted.filter(|_| moves), base.as_ref(), &surroundings);
         let explained = explain(decided, asked, restrained);
@@ -209,6 +223,10 @@ impl Node for Drive {
     }
 }
 
+/// What overlaps the body's edge by no more than this may be there in truth [m].
+const UNDER_BODY_M: f64 = 0.03;
+/// A pose is carried on by its velocity for no longer than this [s].
+const LONGEST_EXTRAPOLATION_S: f64 = 0.3;
 /// A step after a longer pause counts as this long, so that no pause allows a jump [s].
 const LONGEST_STEP_S: f64 = 0.1;
 
@@ -244,11 +262,43 @@ impl Drive {
         self.fingerprint = fingerprint;
         let obstacles = &mut self.obstacles;
         obstacles.clear();
+        let (memory, odometry, mut ranger) = (&mut self.memory, &mut self.odometry, 0);
         match fallback {
             Some(sample) => obstacles.take(sample.stamp, sample.message, sample.tail),
-            None => self.ranges.each(|_, sample| obstacles.take(sample.stamp, sample.message, sample.tail)),
+            None => self.ranges.each(|_, sample| {
+                obstacles.take(sample.stamp, sample.message, sample.tail);
+                if let Some(memory) = memory.as_mut().filter(|_| f64::from(sample.beam_width_rad) < memory::NARROW_RAD)
+                    && let Some(place) = place_at(odometry, sample.stamp, memory)
+                {
+                    memory.take(ranger, sample.stamp, &place, sample.tail);
+                }
+                ranger += 1;
+            }),
         }
     }
+
+    /// Adds what is remembered to what is seen.
+    fn recall(&mut self, now: Time) {
+        let Some(memory) = &mut self.memory else { return };
+        let Some(place) = place_at(&mut self.odometry, now, memory) else { return };
+        let obstacles = &mut self.obstacles;
+        memory.recall(now, &place, &self.under_body, |point| obstacles.remember(point));
+    }
+}
+
+/// Where the body was at `time`, in the frame that `memory` is kept in; `None` when that is not known.
+fn place_at(odometry: &mut Reader<Odometry>, time: Time, memory: &mut Memory) -> Option<Place> {
+    let pose = odometry.at(time)?;
+    memory.keep_to_frame(pose.generation, pose.origin);
+    let ahead_s = time.since(pose.stamp);
+    let Twist { linear_x_m_s: v, angular_z_rad_s: w, .. } = pose.velocity;
+    let numbers = [pose.x_m, pose.y_m, pose.heading_rad, v, w];
+    if ahead_s > LONGEST_EXTRAPOLATION_S || !numbers.iter().all(|n| n.is_finite()) {
+        return None;
+    }
+    let (sin, cos) = math::sin_cos(pose.heading_rad + 0.5 * w * ahead_s);
+    let way_m = v * ahead_s;
+    Some(Place::new(pose.x_m + way_m * cos, pose.y_m + way_m * sin, pose.heading_rad + w * ahead_s))
 }
 
 /// Tells one choice of samples from another.
@@ -300,6 +350,7 @@ fn check(config: &DriveConfig) -> Result<(), String> {
     }
     c.kinematics.map_or(Ok(()), |kinematics| kinematics.check())?;
     c.guard_zone.check()?;
+    c.memory.map_or(Ok(()), |memory| memory.check())?;
     if c.command_valid_s == 0.0 {
         return Err("command_valid_s = 0 would make every command stale at once; write 0.3 or so".into());
     }

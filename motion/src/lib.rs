@@ -4,6 +4,7 @@ pub mod drive;
 pub mod footprint;
 pub mod guard_zone;
 pub mod kinematics;
+pub mod memory;
 pub mod obstacles;
 pub mod profile;
 pub mod protection;

@@ -64,8 +64,17 @@ pub struct Obstacles {
 impl Obstacles {
     /// Room for `capacity` points no farther than `horizon_m` from the centre of rotation.
     pub fn new(capacity: usize, horizon_m: f64) -> Obstacles {
-        let batches = Vec::with_capacity(16);
-        Obstacles { taken: Vec::with_capacity(capacity), batches, now: Vec::with_capacity(capacity), horizon_m }
+        Obstacles::with_room_for(capacity, 0, horizon_m)
+    }
+
+    /// The same, with room for `remembered` points more that no ranger sees now.
+    pub fn with_room_for(capacity: usize, remembered: usize, horizon_m: f64) -> Obstacles {
+        Obstacles {
+            taken: Vec::with_capacity(capacity),
+            batches: Vec::with_capacity(16),
+            now: Vec::with_capacity(capacity + remembered),
+            horizon_m,
+        }
     }
 
     /// Forgets everything.
@@ -112,6 +121,12 @@ impl Obstacles {
     /// Carries all points to `now` with the body's `velocity`, and answers them with how old the youngest looks are.
     /// Samples older than `max_age_s` count as absent: their ranger has fallen silent.
     pub fn carried(&mut self, now: Time, velocity: Velocity, max_age_s: f64) -> (&[Point], Seen) {
+        let seen = self.carry(now, velocity, max_age_s);
+        (&self.now, seen)
+    }
+
+    /// Carries all points to `now`, as [`Self::carried`] does; they are then in [`Self::points`].
+    pub fn carry(&mut self, now: Time, velocity: Velocity, max_age_s: f64) -> Seen {
         self.now.clear();
         let mut seen = Seen::NOTHING;
         let mut begin = 0;
@@ -126,7 +141,19 @@ impl Obstacles {
             self.now.extend(self.taken[points].iter().map(|&p| shift.seen_from_there(p)));
             seen = seen.younger(batch.seen.older_by(age_s));
         }
-        (&self.now, seen)
+        seen
+    }
+
+    /// Adds a point that is remembered, in the body frame of now.
+    pub fn remember(&mut self, point: Point) {
+        if self.now.len() < self.now.capacity() {
+            self.now.push(point);
+        }
+    }
+
+    /// What was carried and what is remembered.
+    pub fn points(&self) -> &[Point] {
+        &self.now
     }
 }
 

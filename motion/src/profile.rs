@@ -40,10 +40,14 @@ impl Profile {
         let change = limits.jerk * dt_s;
         let acceleration = self.acceleration + (aim - self.acceleration).clamp(-change, change);
         let speed = self.speed + acceleration * dt_s;
-        // What is left is less than a step's way: it is there.
-        let passes = (wanted - speed) * left < 0.0 || left == 0.0;
-        if passes && acceleration.abs() <= 2.0 * change {
+        // What is left is less than a step's way: it is there. Where a forced stop has left it more of an acceleration than
+        // can die away in time, that is dropped, as by brakes at a standstill: never is a body driven beyond what is wanted,
+        // nor backwards because it had to brake.
+        if (wanted - speed) * left < 0.0 || left == 0.0 {
             return Profile { speed: wanted, acceleration: 0.0 };
+        }
+        if self.speed * speed < 0.0 && wanted * speed <= 0.0 || self.speed == 0.0 && wanted * speed < 0.0 {
+            return Profile::default();
         }
         Profile { speed, acceleration }
     }
@@ -83,6 +87,16 @@ mod tests {
         assert!((braking.acceleration + 0.8).abs() < 1e-9);
         let all = run(braking, 0.5, 3.0);
         assert_eq!(all.last().unwrap().speed, 0.5);
+    }
+
+    #[test]
+    fn after_braking_to_a_standstill_it_does_not_drive_backwards() {
+        for (before, after, wanted) in [(0.016, 0.0, 0.0), (0.03, 0.014, 0.0), (0.02, 0.004, 0.3), (0.0, 0.0, 0.3)] {
+            let stopped = Profile { speed: before, acceleration: 0.0 }.forced(after, STEP_S);
+            let all = run(stopped, wanted, 3.0);
+            assert!(all.iter().all(|p| p.speed >= 0.0), "{before} {after} {wanted}: {all:?}");
+            assert_eq!(all.last().unwrap().speed, wanted);
+        }
     }
 
     proptest! {

@@ -32,8 +32,12 @@ const STEPS: &[Step] = &[
     },
 ];
 
-/// What only some machines can do: not part of `check`.
-const EXTRAS: &[Step] = &[step("mrpt", &["make", "--no-print-directory", "-C", "benches/peers/mrpt"])];
+/// What only some machines can do, or what takes minutes of building for itself: not part of `check`.
+const EXTRAS: &[Step] = &[
+    step("live", &["edges/foxglove/tests/run"]),
+    step("debug", &["tests/debug_and_release"]),
+    step("mrpt", &["make", "--no-print-directory", "-C", "benches/peers/mrpt"]),
+];
 
 fn main() -> ExitCode {
     let mut wanted: Vec<String> = std::env::args().skip(1).collect();

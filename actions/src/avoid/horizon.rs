@@ -20,12 +20,30 @@ pub struct Horizon {
     distance_m: Box<[f64; DIRECTIONS]>,
     /// Sine and cosine of each direction.
     axes: Box<[(f64, f64); DIRECTIONS]>,
+    /// Of the ranger's beams, kept while their bearings stay the same: a sine costs more than all the rest.
+    beams: Box<[Sighting]>,
 }
+
+/// The direction of a beam.
+#[derive(Debug, Clone, Copy)]
+struct Sighting {
+    bearing_rad: f32,
+    sin: f64,
+    cos: f64,
+}
+
+/// Directions of so many beams are kept; those behind are computed each time.
+const KEPT_BEAMS: usize = 1200;
 
 impl Default for Horizon {
     fn default() -> Horizon {
         let axes = std::array::from_fn(|k| math::sin_cos(bearing_rad(k)));
-        Horizon { distance_m: Box::new([f64::INFINITY; DIRECTIONS]), axes: Box::new(axes) }
+        let unknown = Sighting { bearing_rad: f32::NAN, sin: 0.0, cos: 0.0 };
+        Horizon {
+            distance_m: Box::new([f64::INFINITY; DIRECTIONS]),
+            axes: Box::new(axes),
+            beams: vec![unknown; KEPT_BEAMS].into(),
+        }
     }
 }
 
@@ -38,6 +56,18 @@ pub fn bearing_rad(index: usize) -> f64 {
 pub fn index_of(bearing_rad: f64) -> Option<usize> {
     let at = ((bearing_rad + FRAC_PI_2) / SPACING_RAD).round();
     (at >= 0.0 && at < DIRECTIONS as f64).then_some(at as usize)
+}
+
+/// The bearing of a point, to 10⁻⁵ rad: enough to round to a quarter of a degree, at a tenth of the exact one's cost
+/// (Abramowitz and Stegun 4.4.49).
+fn about_rad(y_m: f64, x_m: f64) -> f64 {
+    let (ahead, aside) = (x_m.abs(), y_m.abs());
+    let share = ahead.min(aside) / ahead.max(aside).max(f64::MIN_POSITIVE);
+    let s = share * share;
+    let atan = share * (0.999_866_0 + s * (-0.330_299_5 + s * (0.180_141_0 + s * (-0.085_133_0 + s * 0.020_835_1))));
+    let quarter = if aside > ahead { FRAC_PI_2 - atan } else { atan };
+    let half = if x_m < 0.0 { PI - quarter } else { quarter };
+    if y_m < 0.0 { -half } else { half }
 }
 
 impl Horizon {
@@ -64,36 +94,43 @@ impl Horizon {
 
     /// Adds the beams of a sample.
     pub fn take(&mut self, ranges: &Ranges, beams: &[Beam]) {
-        for beam in beams {
+        let steps = (0.5 * f64::from(ranges.beam_width_rad) / SPACING_RAD).floor().clamp(0.0, 720.0) as i32;
+        for (k, beam) in beams.iter().enumerate() {
             let range_m = match beam.echo {
                 e if e == Echo::Value as u32 => f64::from(beam.range_m),
                 e if e == Echo::TooNear as u32 => 0.5 * f64::from(ranges.min_range_m),
                 _ => continue,
             };
-            let bearing = f64::from(beam.bearing_rad);
-            if !(range_m >= 0.0 && range_m.is_finite() && bearing.is_finite()) {
+            if !(range_m >= 0.0 && range_m.is_finite() && beam.bearing_rad.is_finite()) {
                 continue;
             }
             let (origin_x, origin_y) = (f64::from(beam.origin_x_m), f64::from(beam.origin_y_m));
-            let mut add = |bearing: f64| {
-                let (sin, cos) = math::sin_cos(bearing);
-                self.add_point(origin_x + range_m * cos, origin_y + range_m * sin);
-            };
-            add(bearing);
+            let (sin, cos) = self.direction(k, beam.bearing_rad);
+            self.add_point(origin_x + range_m * cos, origin_y + range_m * sin);
             // Anything on a cone's arc may have answered.
-            let half_rad = 0.5 * f64::from(ranges.beam_width_rad);
-            let mut aside = SPACING_RAD;
-            while aside <= half_rad {
-                add(bearing + aside);
-                add(bearing - aside);
-                aside += SPACING_RAD;
+            for step in 1..=steps {
+                for aside in [SPACING_RAD, -SPACING_RAD] {
+                    let (sin, cos) = math::sin_cos(f64::from(beam.bearing_rad) + aside * f64::from(step));
+                    self.add_point(origin_x + range_m * cos, origin_y + range_m * sin);
+                }
             }
         }
     }
 
+    /// Sine and cosine of beam `k`'s bearing.
+    fn direction(&mut self, k: usize, bearing_rad: f32) -> (f64, f64) {
+        let Some(kept) = self.beams.get_mut(k) else { return math::sin_cos(f64::from(bearing_rad)) };
+        // By bits, so that the initial NaN counts as different from everything.
+        if kept.bearing_rad.to_bits() != bearing_rad.to_bits() {
+            let (sin, cos) = math::sin_cos(f64::from(bearing_rad));
+            *kept = Sighting { bearing_rad, sin, cos };
+        }
+        (kept.sin, kept.cos)
+    }
+
     fn add_point(&mut self, x_m: f64, y_m: f64) {
-        let distance_m = math::hypot(x_m, y_m);
-        if let Some(index) = index_of(math::atan2(y_m, x_m))
+        let distance_m = (x_m * x_m + y_m * y_m).sqrt();
+        if let Some(index) = index_of(about_rad(y_m, x_m))
             && distance_m < self.distance_m[index]
         {
             self.distance_m[index] = distance_m;
@@ -111,17 +148,23 @@ impl Horizon {
             self.distance_m.fill(0.0);
             return;
         }
-        let bearing = math::atan2(y_m, x_m);
         let half_rad = math::asin((radius_m / away_m).min(1.0));
-        let steps = (half_rad / SPACING_RAD).floor() as i32;
-        for step in -steps..=steps {
-            let aside_rad = f64::from(step) * SPACING_RAD;
-            if let Some(index) = index_of(bearing + aside_rad) {
-                let (sin, cos) = math::sin_cos(aside_rad);
-                let chord_m = (radius_m * radius_m - away_m * away_m * sin * sin).max(0.0).sqrt();
-                let distance_m = away_m * cos - chord_m;
-                self.distance_m[index] = self.distance_m[index].min(distance_m);
-            }
+        let middle = (math::atan2(y_m, x_m) + FRAC_PI_2) / SPACING_RAD;
+        // A direction that just touches it, to the last digit, is not in it, on either side.
+        let steps = half_rad / SPACING_RAD - 1e-9;
+        // Thin as it may be, it is in one direction.
+        let (first, last) = ((middle - steps).ceil().min(middle.round()), (middle + steps).floor().max(middle.round()));
+        let last = last.min(DIRECTIONS as f64 - 1.0);
+        let mut index = first.max(0.0);
+        while index <= last {
+            let (sin, cos) = self.axes[index as usize];
+            let (along_m, aside_m) = (x_m * cos + y_m * sin, y_m * cos - x_m * sin);
+            let chord_m = (radius_m * radius_m - aside_m * aside_m).max(0.0).sqrt();
+            // Its nearest point is in the direction of its centre, wherever the grid lies.
+            let is_m = if index == middle.round() { away_m - radius_m } else { along_m - chord_m };
+            let distance_m = &mut self.distance_m[index as usize];
+            *distance_m = distance_m.min(is_m);
+            index += 1.0;
         }
     }
 
@@ -197,6 +240,16 @@ mod tests {
         assert_eq!(horizon.points().count(), 1);
         horizon.clear();
         assert_eq!(horizon.points().count(), 0);
+    }
+
+    #[test]
+    fn the_quick_bearing_is_that_of_the_exact_one() {
+        for k in 0..3600 {
+            let bearing = f64::from(k) * 0.1_f64.to_radians() - PI + 1e-6;
+            let (sin, cos) = math::sin_cos(bearing);
+            assert!((about_rad(0.7 * sin, 0.7 * cos) - bearing).abs() < 1.2e-5, "{bearing}");
+        }
+        assert_eq!(about_rad(0.0, 0.0), 0.0);
     }
 
     #[test]

@@ -10,7 +10,7 @@ pub mod horizon;
 pub mod pass;
 
 use horizon::Horizon;
-use messages::{Axis, Detour, Proposal, Ranges, Room, Side, Tracks};
+use messages::{Axis, Beam, Detour, Proposal, Ranges, Room, Side, Track, Tracks};
 use pass::{Passing, velocity_shares};
 use runtime::{Body, Fault, Layer, Node, OpenError, Ports, Reader, Time, Writer};
 use schemars::JsonSchema;
@@ -97,13 +97,9 @@ impl Node for Avoid {
             self.proposal.write(now, &Proposal { valid_for_s: config.valid_for_s, ..Proposal::default() });
             return Ok(());
         };
-        let horizon = &mut self.avoidance.horizon;
-        horizon.clear();
-        horizon.take(ranges.message, ranges.tail);
+        self.avoidance.look(ranges.message, ranges.tail);
         if let Some(tracks) = self.tracks.fresh(now) {
-            for track in tracks.tail.iter().filter(|track| track.moves()) {
-                horizon.add_path(track, tracks.path_step_s, config.ahead_s, config.walker_radius_m);
-            }
+            self.avoidance.expect(tracks.tail, tracks.path_step_s);
         }
         let detour = self.detour.fresh(now).map(|detour| *detour.message).filter(|detour| detour.side != 0);
         let (proposal, room) = self.avoidance.decide(detour.as_ref());
@@ -134,6 +130,19 @@ impl Avoidance {
             room_m: config.room_m,
         };
         Avoidance { horizon: Horizon::default(), passing, side: Side::None, config }
+    }
+
+    /// Takes in what is around now.
+    pub fn look(&mut self, ranges: &Ranges, beams: &[Beam]) {
+        self.horizon.clear();
+        self.horizon.take(ranges, beams);
+    }
+
+    /// Takes in where moving things will be; their paths have a point every `step_s`.
+    pub fn expect(&mut self, tracks: &[Track], step_s: f64) {
+        for track in tracks.iter().filter(|track| track.moves()) {
+            self.horizon.add_path(track, step_s, self.config.ahead_s, self.config.walker_radius_m);
+        }
     }
 
     /// The proposal for the present horizon, and the room in it.

@@ -9,12 +9,12 @@ const GROUPS: [(&str, &[&str]); 5] = [
     (
         "Run a robot",
         &[
-            "run", "drive", "goto", "mode", "down", "estop", "reset", "resume", "start", "stop", "restart", "simulate",
-            "compare", "barn",
+            "run", "drive", "goto", "mode", "down", "estop", "reset", "resume", "start", "stop", "restart", "replace",
+            "simulate", "compare", "barn",
         ],
     ),
     ("Look at a running robot", &["top", "incidents", "ls", "cat", "hz", "logs", "call"]),
-    ("Record, and see again", &["record", "info", "play", "replay", "recover"]),
+    ("Record, and see again", &["record", "info", "play", "replay", "recover", "live"]),
     ("Look at a robot file", &["check", "graph", "schema"]),
     ("Look at this machine", &["doctor", "bench", "experiments", "chaos"]),
 ];
@@ -183,6 +183,36 @@ Examples:
 
 JSON (--json): robot, node, request, ok.";
 
+pub const SET: &str = "\
+Examples:
+  sinew set forward.speed_m_s 0.15              another speed, while it drives
+  sinew set forward.speed_m_s 0.15 --save       … and in the robot file, comments kept
+
+The change is checked as `sinew check` would; then a new process of the node opens with it beside the living one and
+takes its place. A value that the node refuses changes nothing.
+
+JSON (--json): robot, node, change, saved, ok.";
+
+pub const WIRE: &str = "\
+Examples:
+  sinew wire steer_clear.ranges /drivers/laser/ranges
+  sinew wire drive.ranges /drivers/laser/ranges /drivers/base/sonar    the second one while the first is silent
+
+Types must agree. A node is written to by one alone, so a wire never makes a second writer.
+
+JSON (--json): robot, node, change, saved, ok.";
+
+pub const REPLACE: &str = "\
+Examples:
+  sinew replace steer_clear                           starts the node's program anew, as its file is now
+  sinew replace steer_clear --program ./sinew-new     another build of it
+
+The new process opens everything beside the living one. When it waits, the living one is stopped in order and the new
+one takes its paths. One that does not open is ended and nothing changes; one that dies within its trial
+(care.trial_s) is taken back. `sinew incidents` tells which it was.
+
+JSON (--json): robot, node, request, ok.";
+
 pub const TOP: &str = "\
 Examples:
   sinew top                         every node's state, timing, processor, memory and scheduling, again and again
@@ -288,6 +318,19 @@ its own that only reads: a full disk ends the recording and never the robot.
 
 JSON (--json): file, duration_s, channels, samples, lost, bytes, cpu_s.";
 
+pub const LIVE: &str = "\
+Examples:
+  sinew live                      serves the only running robot at ws://127.0.0.1:8765, until Ctrl-C
+  sinew live pioneer --port 0     at a port that the kernel chooses
+  sinew live --paths /drivers --paths /ros
+  sinew live --bind 0.0.0.0       to the whole network, unencrypted
+
+In Lichtblick (1.22 or newer) or Foxglove: Open connection, Foxglove WebSocket, ws://127.0.0.1:8765. Topics, types and
+bytes are those of a recording. Viewers can watch and nothing else; a slow one loses messages and slows nobody down. The
+server is a program of its own, sinew-live, that `cargo xtask live` builds.
+
+JSON (--json): event \"serving\" with robot, url, port; at the end \"over\" with samples, lost.";
+
 pub const INFO: &str = "\
 Examples:
   sinew info run.mcap             topics, types, counts, rates, what is missing, incidents
@@ -303,8 +346,11 @@ Examples:
   sinew play run.mcap             its paths come alive: sinew ls, cat, hz work as if the robot ran
   sinew play run.mcap --rate 4 --from 20s
   sinew play run.mcap --loop --name ghost
+  (echo pause; echo seek 20s; cat) | sinew play run.mcap --commands
 
-Stamps are moved to now; at another rate they are as far apart as they are played.
+In a terminal space pauses, ← and → skip 5 s, + and - double and halve the rate, Home begins anew, q ends; with --commands
+lines of the standard input do the same: pause, go, rate 2, seek 20s, skip -5s, end. Stamps are moved to now; at another
+rate they are as far apart as they are played.
 
 JSON (--json): samples, rounds, took_s.";
 
@@ -312,7 +358,7 @@ pub const REPLAY: &str = "\
 Examples:
   sinew replay run.mcap                                   every node does its recorded steps again
   sinew replay run.mcap --node steer_clear --node base    these two
-  sinew replay run.mcap --node steer_clear --set nodes.steer_clear.config.kappa=0.5 --svg change.svg
+  sinew replay run.mcap --node forward --set nodes.forward.config.speed_m_s=0.2 --svg change.svg
                                                           how a changed node differs: statistics and a plot
 A step sees the samples, device bytes and calls that it saw then, and what it writes is compared byte for byte. A step of
 which something is missing is counted as not replayable; nothing is guessed.
@@ -440,7 +486,7 @@ mod tests {
         let command = CommandLine::command();
         for name in [
             "ls", "cat", "hz", "call", "logs", "check", "graph", "doctor", "simulate", "bench", "record", "info",
-            "play", "replay", "recover", "estop", "reset", "resume",
+            "play", "replay", "recover", "live", "estop", "reset", "resume",
         ] {
             let found = command.find_subcommand(name).expect("it is a command");
             assert!(found.get_arguments().any(|a| a.get_long() == Some("json")), "{name} has no --json");

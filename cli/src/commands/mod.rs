@@ -4,6 +4,7 @@ mod barn;
 pub mod bench;
 mod call;
 mod cat;
+mod change;
 mod chaos;
 mod check;
 mod compare;
@@ -18,11 +19,13 @@ mod help;
 mod hz;
 mod incidents;
 mod info;
+mod live;
 mod logs;
 mod ls;
 mod mode;
 pub mod node;
 mod play;
+mod play_remote;
 mod record;
 mod recover;
 mod replay;
@@ -78,6 +81,12 @@ enum Command {
     Stop(steer::Args),
     #[command(after_help = help::RESTART)]
     Restart(steer::Args),
+    #[command(after_help = help::SET)]
+    Set(change::SetArgs),
+    #[command(after_help = help::WIRE)]
+    Wire(change::WireArgs),
+    #[command(after_help = help::REPLACE)]
+    Replace(steer::ReplaceArgs),
     #[command(after_help = help::TOP)]
     Top(top::Args),
     #[command(after_help = help::INCIDENTS)]
@@ -94,6 +103,8 @@ enum Command {
     Logs(logs::Args),
     #[command(after_help = help::RECORD)]
     Record(record::Args),
+    #[command(after_help = help::LIVE)]
+    Live(live::Args),
     #[command(after_help = help::INFO)]
     Info(info::Args),
     #[command(after_help = help::PLAY)]
@@ -161,6 +172,9 @@ fn dispatch(command: Command, types: &[NodeType]) -> Result<(), Failure> {
         Command::Start(args) => steer::run(&args, "start"),
         Command::Stop(args) => steer::run(&args, "stop"),
         Command::Restart(args) => steer::run(&args, "restart"),
+        Command::Replace(args) => steer::replace(&args),
+        Command::Set(args) => change::set(&args, types),
+        Command::Wire(args) => change::wire(&args, types),
         Command::Top(args) => top::run(&args),
         Command::Incidents(args) => incidents::run(&args),
         Command::Ls(args) => ls::run(args),
@@ -169,6 +183,7 @@ fn dispatch(command: Command, types: &[NodeType]) -> Result<(), Failure> {
         Command::Call(args) => call::run(args),
         Command::Logs(args) => logs::run(args),
         Command::Record(args) => record::run(args, types),
+        Command::Live(args) => live::run(&args),
         Command::Info(args) => info::run(args),
         Command::Play(args) => play::run(args),
         Command::Replay(args) => replay::run(args, types),

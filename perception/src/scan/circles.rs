@@ -122,10 +122,7 @@ pub fn least_squares(points: &[Point], known: &Knowledge) -> Option<Circle> {
     let (centre_x, centre_y) = (0.5 * (first.x_m + last.x_m), 0.5 * (first.y_m + last.y_m));
     let mut normal = Normal::default();
     for _ in 0..STEPS {
-        normal = Normal::default();
-        for p in points.iter().step_by(stride) {
-            normal.add(radial(p, x_m, y_m, radius_m), weight * stride as f64);
-        }
+        normal = Normal::of_points(points.iter().step_by(stride), x_m, y_m, radius_m, weight * stride as f64);
         if known.last_edge_rad.is_some() {
             normal.add(tangent(last, -1.0, to_left, x_m, y_m, radius_m), edge_weight(to_left));
         }
@@ -157,7 +154,7 @@ pub fn least_squares(points: &[Point], known: &Knowledge) -> Option<Circle> {
 /// Root mean square of the points' distances from the circle [m].
 pub fn residual_m(points: &[Point], circle: &Circle) -> f64 {
     let square = |p: &Point| {
-        let off = math::hypot(p.x_m - circle.x_m, p.y_m - circle.y_m) - circle.radius_m;
+        let off = length(p.x_m - circle.x_m, p.y_m - circle.y_m) - circle.radius_m;
         off * off
     };
     let stride = points.len().div_ceil(MOST_POINTS).max(1);
@@ -176,6 +173,11 @@ pub fn nearest(points: &[Point]) -> usize {
     best
 }
 
+/// Of a vector of metres: no square of it overflows, so it needs none of hypot's care, which costs more than the rest.
+fn length(x: f64, y: f64) -> f64 {
+    (x * x + y * y).sqrt()
+}
+
 /// Half the way to the next beam that saw past the edge, at the point's range; 0 without an edge [m].
 fn half_step(p: &Point, edge_rad: Option<f64>) -> f64 {
     0.5 * edge_rad.unwrap_or(0.0) * p.range_m
@@ -192,7 +194,7 @@ type Row = ([f64; 3], f64);
 /// |p − c| − R.
 fn radial(p: &Point, x_m: f64, y_m: f64, radius_m: f64) -> Row {
     let (dx, dy) = (p.x_m - x_m, p.y_m - y_m);
-    let distance = math::hypot(dx, dy).max(1e-9);
+    let distance = length(dx, dy).max(1e-9);
     ([-dx / distance, -dy / distance, -1.0], distance - radius_m)
 }
 
@@ -210,6 +212,38 @@ struct Normal {
 }
 
 impl Normal {
+    /// The rows of [`radial`] for all `points`, each of the same weight: only the upper triangle is summed, and the
+    /// weight is multiplied once.
+    fn of_points<'a>(
+        points: impl Iterator<Item = &'a Point>,
+        x_m: f64,
+        y_m: f64,
+        radius_m: f64,
+        weight: f64,
+    ) -> Normal {
+        let (mut xx, mut xy, mut yy, mut x, mut y, mut count) = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0);
+        let (mut along_x, mut along_y, mut sum) = (0.0, 0.0, 0.0);
+        for p in points {
+            let (dx, dy) = (p.x_m - x_m, p.y_m - y_m);
+            let distance = length(dx, dy).max(1e-9);
+            let inverse = 1.0 / distance;
+            let (ux, uy, residual) = (dx * inverse, dy * inverse, distance - radius_m);
+            xx += ux * ux;
+            xy += ux * uy;
+            yy += uy * uy;
+            x += ux;
+            y += uy;
+            count += 1.0;
+            along_x += ux * residual;
+            along_y += uy * residual;
+            sum += residual;
+        }
+        Normal {
+            a: [[xx, xy, x], [xy, yy, y], [x, y, count]].map(|row| row.map(|value| weight * value)),
+            b: [weight * along_x, weight * along_y, weight * sum],
+        }
+    }
+
     fn add(&mut self, (j, residual): Row, weight: f64) {
         for r in 0..3 {
             let w = weight * j[r];

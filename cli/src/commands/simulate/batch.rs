@@ -4,7 +4,7 @@ use super::Args;
 use crate::batch::{self, Failed, Frame, Mission, Scenario};
 use crate::exit::{CHECK, Failure, USAGE};
 use crate::picture;
-use crate::simulation::{Fnv, Run};
+use crate::simulation::{Fingerprint, Run};
 use runtime::robot::Robot;
 use runtime::{OpenError, clock};
 use std::fs::OpenOptions;
@@ -100,7 +100,7 @@ fn scenario(options: &Options, robot: &Robot, seconds: f64) -> Result<Scenario, 
 
 /// Tells robot, world, scenario and changes apart.
 fn setup(robot: &Robot, scenario: &Scenario, args: &Args) -> String {
-    let mut hash = Fnv::default();
+    let mut hash = Fingerprint::default();
     for node in &robot.nodes {
         hash.add(format!("{} {} {:?} {:?}", node.path(), node.kind.name, node.config, node.period_ns).as_bytes());
     }

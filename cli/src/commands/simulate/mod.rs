@@ -59,6 +59,7 @@ pub fn run(args: Args, types: &[NodeType]) -> Result<(), Failure> {
         let text = format!("robot \"{}\" has no simulator node: there is nothing to simulate it in", robot.name);
         return Err(Failure::new(CHECK, text));
     }
+    crate::picture::notes_of(&robot).iter().for_each(|note| eprintln!("note: {note}"));
     let faults = args.faults.as_deref().map(parse_faults).transpose()?;
     let jobs = args.jobs.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, usize::from));
     if args.batch.wanted() {
