@@ -285,7 +285,7 @@ fn another_program_replaces_a_node_in_mid_drive_and_one_that_fails_changes_nothi
     robot.until("the first program is back", || {
         let pid = robot.node("/actions/steer_clear");
         let program = std::fs::read_link(format!("/proc/{pid}/exe")).unwrap_or_default();
-        pid != replaced && program == PathBuf::from(env!("CARGO_BIN_EXE_sinew"))
+        pid != replaced && program.as_os_str() == env!("CARGO_BIN_EXE_sinew")
     });
     robot.moves();
     robot.end();
