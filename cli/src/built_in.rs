@@ -30,6 +30,12 @@ pub const JACKAL_FILE: &str = "robots/jackal/robot.toml (built in)";
 /// How the default robot's file is called in messages.
 pub const PIONEER_FILE: &str = "robots/pioneer/robot.toml (built in)";
 
+/// Files of the service robot with a laser.
+pub const SERVICE_LASER: Embedded = &[
+    ("robot.toml", include_bytes!("../../robots/service/laser.toml")),
+    ("worlds/hallway.toml", include_bytes!("../../robots/service/worlds/hallway.toml")),
+];
+
 /// Files of the service robot, in which the experiments of `sinew experiments` run.
 pub const SERVICE: Embedded = &[
     ("robot.toml", include_bytes!("../../robots/service/robot.toml")),

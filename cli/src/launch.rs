@@ -42,7 +42,10 @@ impl Launch {
     pub fn write(&self, root: &Path) -> Result<(), Failure> {
         let folder = root.join(".run");
         std::fs::create_dir_all(&folder)?;
-        std::fs::write(folder.join("launch.json"), serde_json::to_vec_pretty(self)?)?;
+        // Whole or not at all: a node may start at this moment.
+        let beside = folder.join(format!("launch.{}", std::process::id()));
+        std::fs::write(&beside, serde_json::to_vec_pretty(self)?)?;
+        std::fs::rename(&beside, folder.join("launch.json"))?;
         Ok(())
     }
 

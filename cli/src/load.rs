@@ -42,6 +42,10 @@ pub fn robot(place: Option<&Path>, changes: &Changes, types: &[NodeType]) -> Res
     let overrides = overrides(&robot, changes)?;
     let mut robot = robot.with_overrides(&overrides, types).map_err(errors)?;
     drop_unused_twins(&mut robot, changes);
+    let contradictions = coordinator::governor::check::contradictions(&robot);
+    if !contradictions.is_empty() {
+        return Err(Failure::new(CHECK, format!("{}: {}", robot.file, contradictions.join("\n"))));
+    }
     Ok(robot)
 }
 

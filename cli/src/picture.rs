@@ -6,9 +6,10 @@ use crate::simulation::{Moment, Run, TrackPoint};
 use messages::{Beam, Contact, ContactCause, Echo, Truth};
 use runtime::robot::Robot;
 use runtime::{Body, Layer};
-use simulator::geometry::{Footprint, Pose};
+use simulator::geometry::{Circle, Footprint, Point, Pose};
 use simulator::svg::{self, RobotPicture, SonarBeam, SonarForce};
 use simulator::world::World;
+use simulator::{BodySetup, people_along};
 
 /// The picture of a simulated run: the robot stands where it felt the greatest force.
 pub fn of_run(robot: &Robot, run: &Run) -> Result<String, Failure> {
@@ -19,7 +20,8 @@ pub fn of_run(robot: &Robot, run: &Run) -> Result<String, Failure> {
     if let Some(moment) = &run.moment {
         facts.push(("robot and forces at", format!("{:.1} s", moment.time_s)));
     }
-    draw(robot, &format!("{}, seed {}", robot.name, result.seed), &run.track, run.moment.as_ref(), &facts)
+    let title = format!("{}, seed {}", robot.name, result.seed);
+    draw(robot, &title, &run.track, run.moment.as_ref(), &facts, Some(result.seed))
 }
 
 /// A simulated run's speeds and clearance against time.
@@ -42,12 +44,12 @@ pub fn of_speeds(robot: &Robot, run: &Run) -> String {
 
 /// The picture of a run through one of BARN's worlds.
 pub fn of_crossing(robot: &Robot, title: &str, track: &[TrackPoint]) -> Result<String, Failure> {
-    draw(robot, title, track, None, &facts(track))
+    draw(robot, title, track, None, &facts(track), None)
 }
 
 /// The picture of a live run.
 pub fn of_track(robot: &Robot, track: &[TrackPoint]) -> Result<String, Failure> {
-    draw(robot, &robot.name, track, None, &facts(track))
+    draw(robot, &robot.name, track, None, &facts(track), None)
 }
 
 /// The world that the robot's simulated twin stands in, if it has one.
@@ -55,6 +57,11 @@ pub fn world_of(robot: &Robot) -> Option<World> {
     let node = robot.nodes.iter().find(|node| node.kind.layer == Layer::Simulator)?;
     let name = node.config.get("world")?.as_str()?;
     World::load(name, &mut |file| robot.resources.read(file)).ok()
+}
+
+/// What the world's file says and nothing here obeys.
+pub fn notes_of(robot: &Robot) -> Vec<String> {
+    world_of(robot).map(|world| world.notes).unwrap_or_default()
 }
 
 fn facts(track: &[TrackPoint]) -> Vec<(&'static str, String)> {
@@ -74,6 +81,7 @@ fn draw(
     track: &[TrackPoint],
     moment: Option<&Moment>,
     facts: &[(&str, String)],
+    seed: Option<u64>,
 ) -> Result<String, Failure> {
     let world = world_of(robot).unwrap_or_default();
     let points: Vec<svg::TrackPoint> = track
@@ -84,7 +92,7 @@ fn draw(
             speed_m_s: point.truth.velocity.linear_x_m_s.abs(),
         })
         .collect();
-    let persons: Vec<_> = world.persons.iter().map(|person| person.start(0.0).disc).collect();
+    let (ways, persons) = people(&world, seed, track);
     let footprint = outline(&robot.body)?;
     let beams: Vec<SonarBeam> = moment.iter().flat_map(|moment| moment.beams.iter().map(beam)).collect();
     let forces: Vec<SonarForce> = moment.map(forces).unwrap_or_default();
@@ -92,6 +100,7 @@ fn draw(
     let picture = svg::Picture {
         world: &world,
         persons: &persons,
+        ways: &ways,
         track: &points,
         contacts: &contacts(track),
         robot: shown.map(|truth| RobotPicture {
@@ -104,6 +113,25 @@ fn draw(
         facts,
     };
     Ok(svg::render(&picture))
+}
+
+/// Where the people went and are at the end; where that cannot be told, where they begin.
+fn people(world: &World, seed: Option<u64>, track: &[TrackPoint]) -> (Vec<Vec<Point>>, Vec<Circle>) {
+    let poses: Vec<(f64, Pose)> = track
+        .iter()
+        .map(|point| (point.time_s, Pose::new(point.truth.x_m, point.truth.y_m, point.truth.heading_rad)))
+        .collect();
+    let ways = match seed {
+        Some(seed) if !world.persons.is_empty() => {
+            people_along(world.clone(), seed, BodySetup::default(), &poses).unwrap_or_default()
+        }
+        _ => Vec::new(),
+    };
+    if ways.is_empty() {
+        return (Vec::new(), world.persons.iter().map(|person| person.start(0.0).disc).collect());
+    }
+    let ends = ways.iter().map(|way| way.end).collect();
+    (ways.into_iter().map(|way| way.points).collect(), ends)
 }
 
 fn outline(body: &Body) -> Result<Footprint, Failure> {

@@ -1,5 +1,6 @@
 //! Runs of a whole robot in the simulated host: one run per seed, spread over the cores, results in order of seeds.
 
+use crate::batch::Faults;
 use crate::exit::Failure;
 use drivers::p2os::protocol::STOP_PACKETS;
 use messages::{Beam, Command, FreeSectors, Message, NodeStatistics, Ranges, Truth, bytemuck};
@@ -9,7 +10,7 @@ use runtime::{Layer, OpenError, SimulatedHost, Time, clock};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
-use supervisor::{FaultRates, SupervisedHost};
+use supervisor::SupervisedHost;
 
 /// What became of one run, or of all together.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -140,10 +141,10 @@ const RECORDED_LOOKS: u32 = 5;
 /// Every so manieth truth becomes a point of the track.
 const TRACK_EVERY: u64 = 10;
 
-/// One run of `robot` for `seconds` from `seed`, with faults at these rates, if any.
-pub fn run(robot: &Robot, seed: u64, seconds: f64, faults: Option<FaultRates>) -> Result<Run, OpenError> {
+/// One run of `robot` for `seconds` from `seed`, under the supervisor's policy with these faults, if any.
+pub fn run(robot: &Robot, seed: u64, seconds: f64, faults: Option<&Faults>) -> Result<Run, OpenError> {
     match faults {
-        Some(rates) => run_under_faults(robot, seed, seconds, rates),
+        Some(faults) => run_under_faults(robot, seed, seconds, faults),
         None => run_slices(robot, seed, seconds, 1, &mut |_| {}),
     }
 }
@@ -204,11 +205,11 @@ fn node_statistics(host: &SimulatedHost) -> Vec<(String, NodeStatistics)> {
     nodes.filter_map(|(index, node)| Some((node.path(), host.statistics(index)?))).collect()
 }
 
-/// One run under the supervisor's policy, with faults at these rates.
-fn run_under_faults(robot: &Robot, seed: u64, seconds: f64, rates: FaultRates) -> Result<Run, OpenError> {
+/// One run under the supervisor's policy, with these faults.
+fn run_under_faults(robot: &Robot, seed: u64, seconds: f64, faults: &Faults) -> Result<Run, OpenError> {
     let started = clock::now();
     let end = Time::from_seconds(seconds);
-    let mut supervised = SupervisedHost::new(robot, seed, Time::ZERO, rates, &last_will)?;
+    let mut supervised = SupervisedHost::new(robot, seed, Time::ZERO, faults.of(robot, seed, seconds), &last_will)?;
     let mut watch = Watch::new(supervised.host());
     let mut stopped: Option<Time> = None;
     while supervised.host().now() < end {
@@ -219,8 +220,10 @@ fn run_under_faults(robot: &Robot, seed: u64, seconds: f64, rates: FaultRates) -
         watch.collect(stopped.filter(|_| latched).map(|since| since.after_s(RAMP_S)));
         stopped = if latched { stopped.or(Some(supervised.host().now())) } else { None };
     }
+    let nodes = robot.nodes.iter().enumerate().map(|(index, node)| (node.path(), supervised.statistics(index)));
+    let nodes = nodes.collect();
     supervised.stop();
-    let mut run = watch.finish(seed, seconds, clock::now().since(started).max(1e-9));
+    let mut run = Run { nodes, ..watch.finish(seed, seconds, clock::now().since(started).max(1e-9)) };
     let told = supervised.chronicle();
     let result = FaultResult {
         injected: told.faults,
@@ -259,7 +262,7 @@ pub fn run_all(
     robot: &Robot,
     seeds: std::ops::Range<u64>,
     seconds: f64,
-    faults: Option<FaultRates>,
+    faults: Option<&Faults>,
     jobs: usize,
     record: &(dyn Fn(u64) -> Option<PathBuf> + Sync),
     done: &(dyn Fn(usize) + Sync),
@@ -293,7 +296,7 @@ pub fn run_all(
 
 /// All runs as one: sums, extremes, and means weighted by time.
 pub fn total(runs: &[Run], seconds: f64) -> RunResult {
-    let mut hash = Fnv::default();
+    let mut hash = Fingerprint::default();
     let mut moving_s = 0.0;
     let mut moving_m = 0.0;
     let mut spent_s = 0.0;
@@ -340,7 +343,7 @@ struct Watch {
     ranges: Option<Tap>,
     sectors: Option<Tap>,
     moment: Option<Moment>,
-    hash: Fnv,
+    hash: Fingerprint,
     last: Option<Truth>,
     least_clearance_m: f64,
     moving: (f64, u64),
@@ -390,7 +393,7 @@ impl Watch {
                 .ok()
                 .and_then(|members| Tap::open(host, members.first()?, Some(expected::<FreeSectors>()))),
             moment: None,
-            hash: Fnv::default(),
+            hash: Fingerprint::default(),
             last: None,
             least_clearance_m: f64::INFINITY,
             moving: (0.0, 0),
@@ -483,22 +486,33 @@ pub(crate) fn expected<M: Message>() -> Expect {
     Expect { type_name: M::NAME.into(), layout_hash: M::layout_hash() }
 }
 
-/// FNV-1a over 64 bits.
+/// A fingerprint of bytes in 64 bits: tells runs apart, and resists nobody.
 #[derive(Debug, Clone, Copy)]
-pub struct Fnv(u64);
+pub struct Fingerprint(u64);
 
-impl Default for Fnv {
-    fn default() -> Fnv {
-        Fnv(0xcbf2_9ce4_8422_2325)
+impl Default for Fingerprint {
+    fn default() -> Fingerprint {
+        Fingerprint(0xcbf2_9ce4_8422_2325)
     }
 }
 
-impl Fnv {
-    /// Takes more bytes in.
+impl Fingerprint {
+    /// Takes more bytes in, eight at a time.
     pub fn add(&mut self, bytes: &[u8]) {
-        for byte in bytes {
-            self.0 = (self.0 ^ u64::from(*byte)).wrapping_mul(0x0000_0100_0000_01b3);
+        let (words, rest) = bytes.as_chunks();
+        for word in words {
+            self.mix(u64::from_le_bytes(*word));
         }
+        if !rest.is_empty() {
+            let mut word = [0; 8];
+            word[..rest.len()].copy_from_slice(rest);
+            self.mix(u64::from_le_bytes(word));
+        }
+    }
+
+    /// Every step can be undone, so that one word that differs always tells; the turn brings high bits down again.
+    fn mix(&mut self, word: u64) {
+        self.0 = (self.0.rotate_left(29) ^ word).wrapping_mul(0x9e37_79b9_7f4a_7c15);
     }
 
     /// As sixteen digits.

@@ -32,9 +32,10 @@ unsafe impl GlobalAlloc for Counting {
 static ALLOCATOR: Counting = Counting;
 
 /// The robots that come along, and how long each is watched [s]. Together they hold every built-in node.
-const ROBOTS: [(&str, Embedded, f64); 3] = [
+const ROBOTS: [(&str, Embedded, f64); 4] = [
     ("pioneer", sinew::built_in::PIONEER, 60.0),
     ("service", sinew::built_in::SERVICE, 20.0),
+    ("laser", sinew::built_in::SERVICE_LASER, 10.0),
     ("jackal", sinew::built_in::JACKAL, 4.0),
 ];
 
@@ -57,6 +58,12 @@ fn no_built_in_node_allocates_in_a_step() {
                 "{text}[nodes.near]\ntype = \"ranges\"\ntrigger = \"ranger\"\nreads.ranger = \"/drivers/base/sonar\"\n\
                  [nodes.recall]\ntype = \"recall\"\ntrigger = \"scan\"\nreads.scan = \"/perception/near/ranges\"\n\
                  reads.odometry = \"/perception/odometry/pose\"\n"
+            ),
+            // A governor that decides now and then.
+            "pioneer" => format!(
+                "{text}[nodes.governor]\ntype = \"governor\"\nperiod_ms = 50\nreads.motion = \"/motion/drive/state\"\n\
+                 config.rules = [{{ when = \"danger > 0.3\", mode = \"default\", dwell_s = 0.1 }}, \
+                 {{ when = \"always\", mode = \"default\", dwell_s = 0.1 }}]\n"
             ),
             _ => text,
         };

@@ -211,6 +211,156 @@ fn no_node_notices_that_the_supervisor_died_and_the_next_one_looks_after_them() 
     robot.end();
 }
 
+/// Processes that wait beside a node's living one.
+fn others(robot: &Robot, instance: &str) -> Vec<i32> {
+    let root = robot.root().display().to_string();
+    let processes = std::fs::read_dir("/proc").unwrap().flatten();
+    let numbers = processes.filter_map(|entry| entry.file_name().to_str()?.parse::<i32>().ok());
+    let living = robot.node(instance);
+    let runs = |pid: &i32| {
+        let line = std::fs::read(format!("/proc/{pid}/cmdline")).unwrap_or_default();
+        let words: Vec<&[u8]> = line.split(|byte| *byte == 0).collect();
+        words.contains(&root.as_bytes()) && words.contains(&instance.as_bytes())
+    };
+    numbers.filter(|pid| *pid != living).filter(runs).collect()
+}
+
+#[test]
+fn a_standby_takes_over_from_the_dead_and_another_waits_for_the_next_death() {
+    let mut robot = Robot::new().run(&["--set", "nodes.arbiter.care.standby=true"]);
+    robot.moves();
+    for _ in 0..2 {
+        robot.until("a standby waits", || {
+            let nodes = robot.status().nodes;
+            nodes
+                .iter()
+                .any(|node| node.instance == "/coordinator/arbiter" && node.standby.as_deref() == Some("waiting"))
+        });
+        let waiting = others(&robot, "/coordinator/arbiter")[0];
+        kill(robot.node("/coordinator/arbiter"), Signal::KILL);
+        robot.until("it is the node", || robot.node("/coordinator/arbiter") == waiting);
+    }
+    robot.until("both are on record", || {
+        robot.incidents().iter().filter(|record| record.event == "took_over").count() == 2
+    });
+    robot.moves();
+    // A killed supervisor's standby ends, and the next supervisor has one of its own.
+    robot.until("a standby waits", || others(&robot, "/coordinator/arbiter").len() == 1);
+    let (old, waiting) = (robot.supervisor(), others(&robot, "/coordinator/arbiter")[0]);
+    kill(old, Signal::KILL);
+    robot.until("another supervisor beats", || robot.supervisor() != old);
+    robot.until("another standby", || {
+        let others = others(&robot, "/coordinator/arbiter");
+        others.len() == 1 && others[0] != waiting
+    });
+    robot.end();
+}
+
+#[test]
+fn another_program_replaces_a_node_in_mid_drive_and_one_that_fails_changes_nothing() {
+    let mut robot = Robot::new().run(&[]);
+    robot.moves();
+    let other = robot.base.join("another build");
+    std::fs::copy(env!("CARGO_BIN_EXE_sinew"), &other).unwrap();
+    let before = robot.node("/actions/steer_clear");
+    let word = other.display().to_string();
+    assert!(robot.sinew(&["replace", "steer_clear", "--program", &word]).status.success());
+    robot.until("the other program runs", || {
+        let pid = robot.node("/actions/steer_clear");
+        pid != before && std::fs::read_link(format!("/proc/{pid}/exe")).is_ok_and(|program| program == other)
+    });
+    robot.until("it is on record", || robot.incidents().iter().any(|record| record.event == "replaced"));
+    robot.until("it is ready", || {
+        robot.status().nodes.iter().any(|node| node.instance == "/actions/steer_clear" && node.state == "running")
+    });
+    let replaced = robot.node("/actions/steer_clear");
+    // One that cannot even open: the living one is not touched.
+    assert!(robot.sinew(&["replace", "steer_clear", "--program", "/bin/false"]).status.success());
+    robot.until("it is given up", || robot.incidents().iter().any(|record| record.event == "reverted"));
+    assert_eq!(robot.node("/actions/steer_clear"), replaced);
+    let refused = robot.sinew(&["replace", "steer_clear", "--program", "/nowhere"]);
+    assert!(String::from_utf8_lossy(&refused.stderr).contains("there is no file /nowhere"), "{refused:?}");
+    // The other program dies on its trial: the first one is back.
+    kill(replaced, Signal::KILL);
+    robot.until("the first program is back", || {
+        let pid = robot.node("/actions/steer_clear");
+        let program = std::fs::read_link(format!("/proc/{pid}/exe")).unwrap_or_default();
+        pid != replaced && program == PathBuf::from(env!("CARGO_BIN_EXE_sinew"))
+    });
+    robot.moves();
+    robot.end();
+}
+
+#[test]
+fn a_reaction_executes_a_command_and_waits_for_a_path_and_tells_when_either_fails() {
+    let mut robot = Robot::new();
+    let mark = robot.base.join("mark");
+    let script = format!("echo $SINEW_ROBOT > {}; echo said", mark.display());
+    let reaction = |acts: &str| format!("{{ node = \"forward\", when = \"death\", do = [{acts}] }}");
+    let reactions = [
+        reaction(&format!(
+            "{{ execute = [\"sh\", \"-c\", {script:?}] }}, \
+             {{ wait_for = {{ path = \"/actions/forward/proposal\", within_ms = 20000 }} }}, \"notify\""
+        )),
+        reaction("{ execute = [\"false\"] }, \"notify\""),
+        reaction("{ wait_for = { path = \"/actions/nobody/proposal\", within_ms = 50 } }, \"notify\""),
+    ];
+    robot.start(&["--set", &format!("supervision.reactions=[{}]", reactions.join(","))]);
+    robot.moves();
+    kill(robot.node("/actions/forward"), Signal::KILL);
+    robot.until("the command has run", || std::fs::read_to_string(&mark).is_ok_and(|name| name.trim() == robot.name));
+    let told = || robot.incidents().into_iter().filter(|record| record.event.contains("reaction")).collect::<Vec<_>>();
+    robot.until("all three are on record", || told().len() == 3);
+    let failed = told().into_iter().filter(|record| record.message.contains("failed")).count();
+    assert_eq!(failed, 2, "{:?}", told());
+    let log = robot.base.join("state").join(&robot.name).join("reactions.log");
+    assert_eq!(std::fs::read_to_string(log).unwrap(), "said\n");
+    robot.end();
+}
+
+#[test]
+fn settings_and_wires_change_while_it_drives_and_what_is_refused_changes_nothing() {
+    let mut robot = Robot::new();
+    let folder = robot.base.join("robot");
+    std::fs::create_dir_all(folder.join("worlds")).unwrap();
+    let own = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../robots/pioneer");
+    for file in ["robot.toml", "worlds/office.toml"] {
+        std::fs::copy(own.join(file), folder.join(file)).unwrap();
+    }
+    let file = folder.join("robot.toml");
+    let before = std::fs::read_to_string(&file).unwrap();
+    robot.start(&[&folder.display().to_string()]);
+    robot.moves();
+    let refused = |words: &[&str], why: &str| {
+        let nodes = robot.nodes();
+        let output = robot.sinew(words);
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(!output.status.success() && said.contains(why), "{words:?}: {said}");
+        assert_eq!(robot.nodes(), nodes, "{words:?}");
+    };
+    refused(&["set", "forward.sped_m_s", "0.1", "--save"], "did you mean \"speed_m_s\"?");
+    refused(&["set", "forward.speed_m_s", "-1"], "speed_m_s");
+    refused(&["set", "forwrd.speed_m_s", "0.1"], "has no node \"forwrd\"");
+    refused(&["wire", "steer_clear.ranges", "/perception/odometry/pose"], "carries Odometry");
+    refused(&["wire", "steer_clear.ranges", "/perception/nobody/pose"], "no node of this robot writes");
+    assert_eq!(std::fs::read_to_string(&file).unwrap(), before);
+    assert!(robot.sinew(&["set", "forward.speed_m_s", "0.11", "--save"]).status.success());
+    assert!(robot.sinew(&["wire", "/actions/steer_clear.ranges", "/perception/echoes/ranges"]).status.success());
+    let saved = std::fs::read_to_string(&file).unwrap();
+    let lines = |text: &str| text.lines().map(str::to_owned).collect::<std::collections::BTreeSet<_>>();
+    let new: Vec<String> = lines(&saved).difference(&lines(&before)).cloned().collect();
+    assert_eq!(new, ["config = { speed_m_s = 0.11 }"], "comments and all else stay");
+    // A new process of the same node, much later, has both.
+    robot.until("both are ready", || robot.status().nodes.iter().all(|node| node.state == "running"));
+    let launch = std::fs::read_to_string(robot.root().join(".run/launch.json")).unwrap();
+    assert!(
+        launch.contains("speed_m_s = 0.11") && launch.contains("ranges = \\\"/perception/echoes/ranges\\\""),
+        "{launch}"
+    );
+    robot.moves();
+    robot.end();
+}
+
 #[test]
 fn a_stop_lasts_until_it_is_reset_and_resumed_whoever_dies_meanwhile() {
     let mut robot = Robot::new().run(&[]);

@@ -1,7 +1,7 @@
 //! Combines the proposals of all actions into one wanted velocity, under a mode.
 //!
-//! Reads `proposals` (a set, `/actions/*/proposal`); optionally `room` (is an obstacle near?), `goal` (does it come nearer?)
-//! and `stop` (is something waited for?). Writes `velocity`, `state` and `detour`. The mode's algorithm decides
+//! Reads `proposals` (a set, `/actions/*/proposal`); optionally `room` (is an obstacle near?), `goal` (does it come nearer?),
+//! `stop` (is something waited for?) and `governor` (which mode?). Writes `velocity`, `state` and `detour`. The mode's algorithm decides
 //! ([`crate::mode::Algorithm`]); the caps of every proposal that has not expired apply afterwards, whatever its weight, and
 //! so do the mode's own limits. An axis on which all abstain is zero. The calls `set_mode` and `get_mode` need no period:
 //! a call releases a step. A mode that does not exist is refused, and nothing changes. In limp mode (`[limp]`, the
@@ -12,8 +12,8 @@ use crate::minimum::{Minimum, MinimumConfig};
 use crate::mode::Mode;
 use crate::opinion::Caps;
 use messages::{
-    CoordinatorState, Detour, GotoProgress, ModeState, Proposal, ProtectiveStop, Room, SetMode, Side, StopCause,
-    SupervisorState, Trigger, Twist,
+    CoordinatorState, Detour, GotoProgress, Governance, ModeState, Proposal, ProtectiveStop, Room, SetMode, Side,
+    StopCause, SupervisorState, Trigger, Twist,
 };
 use runtime::{CallPort, Fault, Layer, Node, OpenError, Ports, Reader, Set, Time, Writer};
 use schemars::JsonSchema;
@@ -54,6 +54,9 @@ pub struct Arbiter {
     room: Reader<Room>,
     goal: Reader<GotoProgress>,
     stop: Reader<ProtectiveStop>,
+    governor: Reader<Governance>,
+    /// Generation of the governor, and its decision that was followed last.
+    followed: (u64, u64),
     velocity: Writer<Twist>,
     state: Writer<CoordinatorState>,
     detour: Writer<Detour>,
@@ -85,6 +88,8 @@ impl Node for Arbiter {
             room: ports.optional_reader("room")?,
             goal: ports.optional_reader("goal")?,
             stop: ports.optional_reader("stop")?,
+            governor: ports.optional_reader("governor")?,
+            followed: (0, 0),
             velocity: ports.writer("velocity")?,
             state: ports.writer("state")?,
             detour: ports.writer("detour")?,
@@ -97,6 +102,7 @@ impl Node for Arbiter {
     }
 
     fn step(&mut self, now: Time) -> Result<(), Fault> {
+        self.follow();
         self.answer();
         let limping = self.supervision.latest().is_some_and(|state| state.limp != 0);
         let arbitration = &mut self.arbitration;
@@ -123,6 +129,16 @@ impl Node for Arbiter {
 }
 
 impl Arbiter {
+    /// Takes over the mode of a new decision of the governor. What a call has set since stands until the next one.
+    fn follow(&mut self) {
+        let Some(wish) = self.governor.latest() else { return };
+        let decision = (wish.generation, wish.message.decisions);
+        if wish.message.decisions > 0 && decision != self.followed {
+            self.followed = decision;
+            self.arbitration.set_mode_by_name(wish.message.mode);
+        }
+    }
+
     fn answer(&mut self) {
         while let Some(request) = self.set_mode.take() {
             if self.arbitration.set_mode(request.message.mode) {

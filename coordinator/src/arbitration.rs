@@ -73,6 +73,17 @@ impl Arbitration {
         }
     }
 
+    /// Changes to the mode whose name has this number; false when there is none.
+    pub fn set_mode_by_name(&mut self, number: u32) -> bool {
+        match self.modes.iter().position(|mode| messages::path_number(&mode.name) == number) {
+            Some(index) => {
+                self.mode = index;
+                true
+            }
+            None => false,
+        }
+    }
+
     /// The same with a limp mode.
     #[must_use]
     pub fn with_limp(mut self, limp: Option<LimpMode>) -> Arbitration {

@@ -3,6 +3,7 @@
 pub mod arbiter;
 pub mod arbitration;
 pub mod fuzzy;
+pub mod governor;
 pub mod minimum;
 pub mod mode;
 pub mod opinion;
@@ -16,4 +17,4 @@ pub mod weighted;
 use runtime::NodeType;
 
 /// Node types of this layer.
-pub const NODES: &[NodeType] = &[NodeType::of::<arbiter::Arbiter>()];
+pub const NODES: &[NodeType] = &[NodeType::of::<governor::Governor>(), NodeType::of::<arbiter::Arbiter>()];

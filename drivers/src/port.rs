@@ -1,6 +1,7 @@
 //! How a session sees its port, and what it wants of it.
 
-use runtime::device::DeviceLink;
+use runtime::Device;
+use runtime::device::{Address, DeviceLink};
 
 /// What the port is doing, as the node sees it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -29,5 +30,14 @@ impl From<DeviceLink> for Port {
             DeviceLink::Opening => Port::Opening,
             DeviceLink::Open { generation } => Port::Open(generation),
         }
+    }
+}
+
+/// The rate of a device's line, where it has one [baud].
+pub fn line_baud(device: &Device) -> Option<u32> {
+    match device.address() {
+        Address::Serial { baud, .. } => Some(*baud),
+        Address::Memory { baud, .. } => *baud,
+        _ => None,
     }
 }

@@ -35,3 +35,16 @@ pub struct Notice {
     #[message(values = "none warn limp hold stop")]
     pub severity: u32,
 }
+
+/// What the governor wants; the tail says in words why (UTF-8). Written at `/coordinator/<governor>/state` in every step.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Message)]
+#[repr(C)]
+#[message(tail = u8)]
+pub struct Governance {
+    /// Decisions so far; 0 while no rule has held yet, and then nothing is wanted.
+    pub decisions: u64,
+    /// Index in the robot file of the rule that is obeyed, counted from 0.
+    pub rule: u32,
+    /// The mode that it asks for: the number of its name, as [`path_number`](crate::path_number) counts it.
+    pub mode: u32,
+}

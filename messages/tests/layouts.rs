@@ -28,6 +28,7 @@ const LAYOUTS: &[(&str, usize, u64)] = &[
     ("GotoPath", 408, 0x9020_56b9_973b_6413),
     ("GotoProgress", 56, 0x2fde_93eb_308a_9a71),
     ("GotoResult", 56, 0xca92_93b0_fece_525b),
+    ("Governance", 16, 0xb9d1_353a_098e_2542),
     ("Image", 16, 0x02d8_cfcb_2b36_d86e),
     ("InputCursor", 32, 0x4370_2a67_4c35_0c94),
     ("LaserScan", 48, 0xee1c_5d02_7b56_169b),

@@ -144,8 +144,8 @@ pub struct Sweep<'a> {
 #[derive(Debug, Clone, Copy)]
 struct Arc {
     centre_y_m: f64,
-    /// Corners from the centre of turning, with their squared distances from it.
-    corners: [(f64, f64, f64); CORNERS],
+    edges: [Edge; CORNERS],
+    count: usize,
     /// Only points at squared distances between these meet the footprint.
     near_sq: f64,
     far_sq: f64,
@@ -159,8 +159,19 @@ impl<'a> Sweep<'a> {
         Sweep { footprint, velocity, arc: turns.then(|| Arc::new(footprint, v / w)) }
     }
 
+    /// Whether `p` is so near to the swept area that its contact must be worked out. Cheap, and true for few points.
+    pub fn may_touch(&self, p: Point) -> bool {
+        match &self.arc {
+            Some(arc) => arc.may_touch(p),
+            None => p.y_m.abs() <= self.footprint.half_width_m,
+        }
+    }
+
     /// See [`Footprint::contact_s`].
     pub fn contact_s(&self, p: Point) -> f64 {
+        if !self.may_touch(p) {
+            return f64::INFINITY;
+        }
         let moves = self.velocity != Velocity::ZERO;
         if moves && self.footprint.holds(p) {
             return if self.footprint.deepens(self.velocity, p) { 0.0 } else { f64::INFINITY };
@@ -191,28 +202,39 @@ impl Arc {
         });
         let far_sq = corners.iter().fold(0.0, |far, corner| f64::max(far, corner.2));
         let inside = footprint.holds(Point { x_m: 0.0, y_m: centre_y_m });
-        let near_sq = if inside { 0.0 } else { edges(&corners).map(near_sq).fold(f64::INFINITY, f64::min) };
-        Arc { centre_y_m, corners, near_sq, far_sq }
+        let (mut edges, mut count) = ([Edge::default(); CORNERS], 0);
+        let mut near_sq = f64::INFINITY;
+        for k in 0..CORNERS {
+            let edge = Edge::new(corners[k], corners[(k + 1) % CORNERS]);
+            near_sq = near_sq.min(edge.near_sq());
+            if edge.length_sq > 0.0 {
+                edges[count] = edge;
+                count += 1;
+            }
+        }
+        Arc { centre_y_m, edges, count, near_sq: if inside { 0.0 } else { near_sq }, far_sq }
+    }
+
+    /// Whether the circle of `p` meets the footprint; refuses a point that is no number.
+    fn may_touch(&self, p: Point) -> bool {
+        let y = p.y_m - self.centre_y_m;
+        let radius_sq = p.x_m * p.x_m + y * y;
+        (radius_sq >= self.near_sq) & (radius_sq <= self.far_sq)
     }
 
     /// Angle by which the body turns, towards the sign of `w`, until it touches a point outside; +∞ for never [rad].
     fn turn_to_contact_rad(&self, p: Point, w: f64) -> f64 {
         let (px, py) = (p.x_m, p.y_m - self.centre_y_m);
         let radius_sq = px * px + py * py;
-        // Cheap, and true for few points; also refuses a point that is no number.
-        let meets = radius_sq >= self.near_sq && radius_sq <= self.far_sq;
-        if !meets {
-            return f64::INFINITY;
-        }
         // The point runs against the body's own turning. Directions are told apart by a number that grows with the
         // angle and needs no arc tangent; only the nearest one's angle is worked out.
         let mut nearest = (f64::INFINITY, 0.0, 1.0);
-        for (a, b) in edges(&self.corners) {
+        for edge in &self.edges[..self.count] {
             // An edge whose ends are both nearer is inside the circle.
-            if a.2 < radius_sq && b.2 < radius_sq {
+            if edge.far_sq < radius_sq {
                 continue;
             }
-            for (x, y) in crossings(a, b, radius_sq).into_iter().flatten() {
+            for (x, y) in edge.crossings(radius_sq).into_iter().flatten() {
                 let sine = (x * py - y * px) * w.signum();
                 let cosine = x * px + y * py;
                 // Rounding at the very edge must read as a touch now, not after a full turn.
@@ -232,35 +254,49 @@ impl Arc {
     }
 }
 
-type Corner = (f64, f64, f64);
-
-fn edges(corners: &[Corner; CORNERS]) -> impl Iterator<Item = (Corner, Corner)> + '_ {
-    (0..CORNERS).map(|k| (corners[k], corners[(k + 1) % CORNERS]))
+/// One side of the footprint, from the centre of turning; what does not depend on the point is worked out once.
+#[derive(Debug, Clone, Copy, Default)]
+struct Edge {
+    x: f64,
+    y: f64,
+    /// Squared distance of its beginning.
+    begin_sq: f64,
+    /// Squared distance of its farther end.
+    far_sq: f64,
+    ex: f64,
+    ey: f64,
+    length_sq: f64,
+    /// Half of the linear coefficient of the squared distance along the edge.
+    half: f64,
 }
 
-/// Squared distance from the origin to an edge [m²].
-fn near_sq((a, b): (Corner, Corner)) -> f64 {
-    let (ex, ey) = (b.0 - a.0, b.1 - a.1);
-    let length_sq = ex * ex + ey * ey;
-    let t = if length_sq > 0.0 { (-(a.0 * ex + a.1 * ey) / length_sq).clamp(0.0, 1.0) } else { 0.0 };
-    let (x, y) = (a.0 + t * ex, a.1 + t * ey);
-    x * x + y * y
-}
-
-/// Where the edge from `a` to `b` crosses the circle of squared radius `radius_sq` about the origin.
-fn crossings(a: Corner, b: Corner, radius_sq: f64) -> [Option<(f64, f64)>; 2] {
-    let (ex, ey) = (b.0 - a.0, b.1 - a.1);
-    let length_sq = ex * ex + ey * ey;
-    let half = a.0 * ex + a.1 * ey;
-    let root_sq = half * half - length_sq * (a.2 - radius_sq);
-    if length_sq == 0.0 || root_sq < 0.0 {
-        return [None, None];
+impl Edge {
+    /// From corner to corner, each with its squared distance from the centre of turning.
+    fn new(a: (f64, f64, f64), b: (f64, f64, f64)) -> Edge {
+        let (ex, ey) = (b.0 - a.0, b.1 - a.1);
+        let (length_sq, half) = (ex * ex + ey * ey, a.0 * ex + a.1 * ey);
+        Edge { x: a.0, y: a.1, begin_sq: a.2, far_sq: a.2.max(b.2), ex, ey, length_sq, half }
     }
-    let root = root_sq.sqrt();
-    [-root, root].map(|root| {
-        let t = (root - half) / length_sq;
-        (-1e-12..=1.0 + 1e-12).contains(&t).then_some((a.0 + t * ex, a.1 + t * ey))
-    })
+
+    /// Squared distance from the centre of turning [m²].
+    fn near_sq(&self) -> f64 {
+        let t = if self.length_sq > 0.0 { (-self.half / self.length_sq).clamp(0.0, 1.0) } else { 0.0 };
+        let (x, y) = (self.x + t * self.ex, self.y + t * self.ey);
+        x * x + y * y
+    }
+
+    /// Where it crosses the circle of squared radius `radius_sq` about the centre of turning.
+    fn crossings(&self, radius_sq: f64) -> [Option<(f64, f64)>; 2] {
+        let root_sq = self.half * self.half - self.length_sq * (self.begin_sq - radius_sq);
+        if root_sq < 0.0 {
+            return [None, None];
+        }
+        let root = root_sq.sqrt();
+        [-root, root].map(|root| {
+            let t = (root - self.half) / self.length_sq;
+            (-1e-12..=1.0 + 1e-12).contains(&t).then_some((self.x + t * self.ex, self.y + t * self.ey))
+        })
+    }
 }
 
 #[cfg(test)]

@@ -7,7 +7,7 @@ use crate::obstacles::Seen;
 use crate::profile::{AxisLimits, Profile};
 use crate::protection::{Protection, Release};
 use crate::ramp::Limits;
-use crate::zone::{Braking, Zone};
+use crate::zone::{Allowed, Braking, Zone};
 use messages::{BaseState, Link, MotionState, Stop, Twist};
 use runtime::{Body, Time};
 
@@ -118,14 +118,14 @@ impl SafeMotion {
         let (open, protected) = self.protection.hold(clamped, self.config.way_out_m_s);
         let seeing = self.cap_blind(open, around.seen);
         let timely = self.guard.allow(around.movers, seeing);
-        let mut allowed = self.zone.allow(around.points, timely);
-        allowed.held |= timely != seeing;
+        let judged = self.zone.allow(around.points, timely);
+        let allowed = Allowed { held: judged.held || timely != seeing, ..judged };
         let ready = base.is_some_and(is_ready);
         let target = if ready { allowed.velocity } else { Velocity::ZERO };
         // What the ramps make of it is another arc than the one that was judged: it is judged, too.
         let forced = !ready || protected.is_some() || wanted.is_none() || allowed.held || seeing != open;
         let ramped = if forced { self.limits.ramp(self.sent, target, dt_s) } else { self.smooth(target, dt_s) };
-        let kept = self.zone.allow(around.points, ramped);
+        let kept = if ramped == timely { judged } else { self.zone.allow(around.points, ramped) };
         let before = self.sent;
         self.sent = if kept.held { self.limits.ramp(self.sent, kept.velocity, dt_s) } else { ramped };
         self.remember(before, dt_s);
@@ -142,11 +142,12 @@ impl SafeMotion {
             0.0 => seeing.turn_rad_s.abs() * self.zone.footprint.corner_radius_m(),
             v => v,
         };
+        let (forward_limit_m_s, backward_limit_m_s) = self.zone.straight_limits_m_s(around.points);
         MotionState {
             wanted: twist(asked),
             sent: twist(self.sent),
-            forward_limit_m_s: self.zone.straight_limit_m_s(around.points, 1.0),
-            backward_limit_m_s: self.zone.straight_limit_m_s(around.points, -1.0),
+            forward_limit_m_s,
+            backward_limit_m_s,
             clear_m: if allowed.contact_s.is_finite() { allowed.contact_s * pace_m_s } else { f64::INFINITY },
             stop: stop as u32,
             stops: self.stops,

@@ -86,7 +86,14 @@ pub struct Allowed {
 /// Time to the first contact with any of `points` at `velocity`; +∞ when there is none [s].
 pub fn first_contact_s(footprint: &Footprint, points: &[Point], velocity: Velocity) -> f64 {
     let sweep = Sweep::new(footprint, velocity);
-    points.iter().map(|&p| sweep.contact_s(p)).fold(f64::INFINITY, f64::min)
+    let mut first_s = f64::INFINITY;
+    // Most points are far from the sweep: several are passed over at once.
+    for some in points.chunks(8) {
+        if some.iter().fold(false, |any, &p| any | sweep.may_touch(p)) {
+            first_s = some.iter().map(|&p| sweep.contact_s(p)).fold(first_s, f64::min);
+        }
+    }
+    first_s
 }
 
 /// A body among obstacles.
@@ -132,11 +139,18 @@ impl Zone {
         (self.braking.share(velocity, contact_s, footprint.corner_radius_m()), contact_s)
     }
 
-    /// Greatest speed straight ahead (`direction` 1) or back (−1) [m/s].
-    pub fn straight_limit_m_s(&self, points: &[Point], direction: f64) -> f64 {
+    /// Greatest speeds straight ahead and straight back [m/s].
+    pub fn straight_limits_m_s(&self, points: &[Point]) -> (f64, f64) {
+        let footprint = self.grown(Velocity::ZERO);
         // At 1 m/s the time to contact is the clear way.
-        let clear_m = first_contact_s(&self.grown(Velocity::ZERO), points, Velocity::new(direction, 0.0));
-        self.braking.speed_limit_m_s(clear_m)
+        let [ahead, back] = [1.0, -1.0].map(|direction| Velocity::new(direction, 0.0));
+        let [ahead, back] = [Sweep::new(&footprint, ahead), Sweep::new(&footprint, back)];
+        let mut clear_m = (f64::INFINITY, f64::INFINITY);
+        for &p in points.iter().filter(|&&p| ahead.may_touch(p)) {
+            clear_m.0 = clear_m.0.min(ahead.contact_s(p));
+            clear_m.1 = clear_m.1.min(back.contact_s(p));
+        }
+        (self.braking.speed_limit_m_s(clear_m.0), self.braking.speed_limit_m_s(clear_m.1))
     }
 
     /// The velocity nearest to `wanted` that the room among `points` allows.

@@ -31,6 +31,17 @@ pub enum RecordError {
         /// Bytes that are in it.
         written_bytes: u64,
     },
+    /// The file has the greatest size that it may have. What was written before can be read.
+    #[error(
+        "{file} may not grow beyond {written_bytes} bytes (`ulimit -f`, or its file system): recording stopped, the robot \
+         goes on; `sinew recover` saves what is in the file"
+    )]
+    TooLarge {
+        /// The file.
+        file: PathBuf,
+        /// Bytes that are in it.
+        written_bytes: u64,
+    },
     /// The file cannot be written.
     #[error("cannot write {file}: {reason}; recording stopped, the robot goes on")]
     Write {
@@ -38,6 +49,14 @@ pub enum RecordError {
         file: PathBuf,
         /// Why.
         reason: String,
+    },
+    /// A channel's own description is damaged.
+    #[error("the schema of {path} cannot be read: {why}; recording stopped, the robot goes on")]
+    Schema {
+        /// The channel.
+        path: String,
+        /// What is wrong with it.
+        why: String,
     },
     /// The robot's channels cannot be looked at.
     #[error(transparent)]

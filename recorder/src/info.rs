@@ -6,8 +6,8 @@ use std::path::{Path, PathBuf};
 use serde::Serialize;
 
 use crate::error::RecordingError;
+use crate::feed::INCIDENTS;
 use crate::reader::{Item, Recording};
-use crate::writer::INCIDENTS;
 
 /// What is in a recording.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -77,6 +77,9 @@ pub struct Incident {
     pub message: String,
 }
 
+/// Where the supervisor says what changed in a run: operators' orders, wiring.
+const CHANGES: &str = "/supervisor/robot/changes";
+
 #[derive(Default)]
 struct Tally {
     ros_type: String,
@@ -105,7 +108,7 @@ pub fn info(file: &Path) -> Result<Info, RecordingError> {
     let mut recording = Recording::open(file)?;
     let mut tallies: BTreeMap<String, Tally> = BTreeMap::new();
     let mut incidents = Vec::new();
-    let (mut lost, mut changes) = (0, 0);
+    let (mut lost, mut launches) = (0, 0);
     let mut starts: BTreeMap<String, bool> = BTreeMap::new();
     let mut hash = Hash::default();
     let done = recording.read(&mut |item| match item {
@@ -137,7 +140,7 @@ pub fn info(file: &Path) -> Result<Info, RecordingError> {
                 incidents.extend(incident(data));
             }
         }
-        Item::Change { .. } => changes += 1,
+        Item::Change { .. } => launches += 1,
         Item::Losses(losses) => lost = losses.values().sum(),
     });
     let damage = match done {
@@ -150,6 +153,7 @@ pub fn info(file: &Path) -> Result<Info, RecordingError> {
     };
     let first = own().map(|(_, tally)| tally.first_ns).min().unwrap_or(0);
     let last = own().map(|(_, tally)| tally.last_ns).max().unwrap_or(0);
+    let changes = launches + tallies.get(CHANGES).map_or(0, |tally| tally.count);
     let facts = recording.facts();
     Ok(Info {
         file: file.to_owned(),

@@ -10,9 +10,11 @@
 //! | `exact`, `definition` | a sample as CDR and back; its ROS 2 definition |
 //! | `ros`, `cdr` | copies as messages of sensor_msgs, nav_msgs, geometry_msgs |
 //! | `facts` | what a file says about its run: robot file, seed, build, resources |
-//! | `writer`, `sink`, `taps`, `live` | from a robot's rings into a file |
+//! | `taps`, `feed` | from a robot's rings to topics and messages |
+//! | `follow` | into any outlet, such as a live view |
+//! | `writer`, `sink`, `live` | into a file |
 //! | `reader`, `records` | from a file, whole or cut off |
-//! | `info`, `recover`, `play` | what is in it; saving what is left of it; the paths come alive |
+//! | `info`, `recover`, `play`, `pace` | what is in it; saving what is left of it; the paths come alive |
 //! | `replay`, `compare`, `difference` | nodes do their recorded steps again, and are compared |
 
 mod cdr;
@@ -22,9 +24,12 @@ mod difference;
 mod error;
 pub mod exact;
 pub mod facts;
+pub mod feed;
+pub mod follow;
 mod incidents;
 pub mod info;
 pub mod live;
+mod pace;
 pub mod play;
 mod plot;
 mod reader;
@@ -41,7 +46,9 @@ pub use definition::{definition, topic_type};
 pub use difference::FirstDifference;
 pub use error::{RecordError, RecordingError};
 pub use facts::Facts;
+pub use feed::ChannelKey;
+pub use pace::Ask;
 pub use plot::plot;
 pub use reader::{ChannelFacts, Item, Recording};
 pub use taps::Taps;
-pub use writer::{ChannelKey, RecordingWriter};
+pub use writer::{McapFile, RecordingWriter};

@@ -1,6 +1,7 @@
 //! Records a running robot, from a process of its own: polls the rings, so that no node has to wake it, runs with no
 //! priority, and stops by itself when the disk is full or the robot is gone. The robot never knows.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -15,9 +16,9 @@ use crate::taps::Taps;
 use crate::writer::RecordingWriter;
 
 /// How often the rings are looked at: the shallowest hold several times as much [s].
-const POLL_S: f64 = 0.02;
+pub(crate) const POLL_S: f64 = 0.02;
 /// How often new channels, incidents and changes are looked for, and chunks are closed [s].
-const LOOK_S: f64 = 0.5;
+pub(crate) const LOOK_S: f64 = 0.5;
 
 /// What to record, and for how long.
 #[derive(Debug, Clone)]
@@ -53,9 +54,10 @@ pub struct Recorded {
     pub cpu_s: f64,
 }
 
-/// Asks for an end by SIGINT and SIGTERM.
+/// Asks for an end by SIGINT and SIGTERM. SIGXFSZ, which would kill, becomes an error of the write that it is about.
 pub fn stop_by_signals() -> std::io::Result<Arc<AtomicBool>> {
     let stop = Arc::new(AtomicBool::new(false));
+    signal_hook::flag::register(signal_hook::consts::SIGXFSZ, Arc::default())?;
     for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM] {
         signal_hook::flag::register(signal, stop.clone())?;
     }
@@ -83,6 +85,7 @@ pub fn record(
     taps.drain(&mut out)?;
     ready();
     let (mut poll, mut look) = (begun, begun);
+    let mut known_losses = BTreeMap::new();
     loop {
         taps.drain(&mut out)?;
         let now = clock::now();
@@ -97,6 +100,11 @@ pub fn record(
             if text != known_launch && !text.is_empty() {
                 out.change(now.nanos(), &text)?;
                 known_launch = text;
+            }
+            let losses = taps.losses();
+            if losses != known_losses {
+                out.losses(&losses)?;
+                known_losses = losses;
             }
             // The second is up: what has come is safe from a crash of this process.
             out.flush()?;
@@ -122,7 +130,7 @@ pub fn record(
 }
 
 /// Whether the robot still has its folder of channels.
-fn is_there(root: &Path) -> bool {
+pub(crate) fn is_there(root: &Path) -> bool {
     root.is_dir()
 }
 

@@ -2,12 +2,13 @@
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::AtomicBool;
 
 use runtime::channel::{ChannelError, Claim, RawSample, RawWriter, Tree};
 use runtime::{Time, clock};
 
 use crate::error::RecordingError;
+use crate::pace::{Ask, Pace, Turn};
 use crate::reader::{Item, Recording};
 
 /// How to play.
@@ -69,11 +70,15 @@ struct Waiting {
 
 /// Samples are put in order over this much of the file [ns]: chunks hold a second, in any order.
 const ORDER_NS: u64 = 2_000_000_000;
-/// The longest sleep, so that a wish to stop is heard [s].
-const NAP_S: f64 = 0.1;
 
-/// Plays until the end, or for ever where it is looped, or until `stop` is set. Leaves nothing under the root.
-pub fn play(options: &Options, stop: &AtomicBool, ready: impl FnOnce()) -> Result<Played, PlayError> {
+/// Plays until the end, or for ever where it is looped, or until `stop` is set. `asks` is asked now and then what the
+/// viewer wants. Leaves nothing under the root.
+pub fn play(
+    options: &Options,
+    stop: &AtomicBool,
+    asks: &mut dyn FnMut() -> Option<Ask>,
+    ready: impl FnOnce(),
+) -> Result<Played, PlayError> {
     let (first_ns, last_ns) = span(&options.file)?;
     let from_ns = first_ns.saturating_add(Time::from_seconds(options.from_s).nanos());
     let until_ns = first_ns.saturating_add(Time::from_seconds(options.until_s).nanos());
@@ -88,11 +93,19 @@ pub fn play(options: &Options, stop: &AtomicBool, ready: impl FnOnce()) -> Resul
     let mut rounds = 0;
     let played = opened.and_then(|()| {
         ready();
+        let bounds = (first_ns, last_ns.min(until_ns));
+        let mut pace = Pace::new(options.rate, bounds, from_ns, clock::now());
+        rounds += 1;
         loop {
-            rounds += 1;
-            stage.round(options, from_ns, until_ns, stop)?;
-            if !options.looped || stop.load(Ordering::Relaxed) {
-                return Ok(());
+            match stage.round(&options.file, bounds.1, &mut pace, stop, asks)? {
+                // Somebody wants to be elsewhere in the recording.
+                Turn::Elsewhere => {}
+                Turn::Stopped => return Ok(()),
+                Turn::Go if options.looped => {
+                    rounds += 1;
+                    pace.seek(from_ns, clock::now());
+                }
+                Turn::Go => return Ok(()),
             }
         }
     });
@@ -146,39 +159,46 @@ impl Stage {
         failed.map_or(Ok(()), |e| Err(e.into()))
     }
 
-    /// Once through the recording.
-    fn round(&mut self, options: &Options, from_ns: u64, until_ns: u64, stop: &AtomicBool) -> Result<(), PlayError> {
-        let begun = clock::now();
-        let due = |at_ns: u64| begun.after_s(at_ns.saturating_sub(from_ns) as f64 * 1e-9 / options.rate);
+    /// Through the recording from where `pace` stands to the end, unless somebody wants to be elsewhere.
+    fn round(
+        &mut self,
+        file: &Path,
+        until_ns: u64,
+        pace: &mut Pace,
+        stop: &AtomicBool,
+        asks: &mut dyn FnMut() -> Option<Ask>,
+    ) -> Result<Turn, PlayError> {
+        let from_ns = pace.at_ns();
         let mut waiting: Vec<Waiting> = Vec::new();
         let mut newest = 0;
+        let mut turn = Turn::Go;
         let Stage { writers, paths, samples, .. } = self;
         let mut put = |waiting: &mut Vec<Waiting>, before_ns: u64| {
             waiting.sort_by_key(|sample| sample.at_ns);
             let count = waiting.partition_point(|sample| sample.at_ns <= before_ns);
             for sample in waiting.drain(..count) {
-                let due = due(sample.at_ns);
-                while !stop.load(Ordering::Relaxed) && clock::now() < due {
-                    clock::sleep_until(due.min(clock::now().after_s(NAP_S)));
-                }
-                if stop.load(Ordering::Relaxed) {
-                    break;
-                }
-                writers[sample.path].publish(due.nanos(), &sample.fixed, &sample.tail);
+                match pace.wait(sample.at_ns, stop, asks) {
+                    (Turn::Go, stamp) => writers[sample.path].publish(stamp.nanos(), &sample.fixed, &sample.tail),
+                    (other, _) => return other,
+                };
                 *samples += 1;
             }
+            Turn::Go
         };
-        Recording::open(&options.file)?.read(&mut |item| {
-            let Item::Sample { channel, sample: RawSample { stamp_ns, .. }, fixed, tail } = item else { return };
-            let within = (from_ns..=until_ns).contains(&stamp_ns) && !stop.load(Ordering::Relaxed);
-            let Some(path) = paths.get(&channel.topic).copied().filter(|_| within) else { return };
+        Recording::open(file)?.read_while(&mut |item| {
+            let Item::Sample { channel, sample: RawSample { stamp_ns, .. }, fixed, tail } = item else { return true };
+            let within = (from_ns..=until_ns).contains(&stamp_ns);
+            let Some(path) = paths.get(&channel.topic).copied().filter(|_| within) else { return true };
             waiting.push(Waiting { at_ns: stamp_ns, path, fixed: fixed.to_vec(), tail: tail.to_vec() });
             if stamp_ns > newest + ORDER_NS / 2 {
                 newest = stamp_ns;
-                put(&mut waiting, newest.saturating_sub(ORDER_NS));
+                turn = put(&mut waiting, newest.saturating_sub(ORDER_NS));
             }
+            turn == Turn::Go
         })?;
-        put(&mut waiting, u64::MAX);
-        Ok(())
+        if turn == Turn::Go {
+            turn = put(&mut waiting, u64::MAX);
+        }
+        Ok(turn)
     }
 }

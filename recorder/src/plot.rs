@@ -6,27 +6,38 @@ use crate::compare::{NodeComparison, Series};
 
 const WIDTH: f64 = 900.0;
 const PANEL: f64 = 170.0;
+const TITLE: f64 = 34.0;
 const LEFT: f64 = 70.0;
 const MARGIN: f64 = 28.0;
 /// Points drawn per line.
 const MOST_POINTS: usize = 2000;
 
-/// The plot of a node's differences as an SVG document; `None` where nothing differs.
-pub fn plot(node: &NodeComparison) -> Option<String> {
-    let series: Vec<&Series> = node.paths.iter().flat_map(|path| &path.series).collect();
-    if series.is_empty() {
+/// The plot of the nodes' differences as an SVG document, node after node; `None` where nothing differs.
+pub fn plot(nodes: &[NodeComparison]) -> Option<String> {
+    let series = |node: &'_ NodeComparison| node.paths.iter().map(|path| path.series.len()).sum::<usize>();
+    let differing: Vec<&NodeComparison> = nodes.iter().filter(|node| series(node) > 0).collect();
+    if differing.is_empty() {
         return None;
     }
-    let height = PANEL * series.len() as f64 + 40.0;
+    let height: f64 = differing.iter().map(|node| TITLE + PANEL * series(node) as f64).sum::<f64>() + 6.0;
     let mut svg = format!(
         "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{WIDTH}\" height=\"{height}\" viewBox=\"0 0 {WIDTH} {height}\" \
-         font-family=\"sans-serif\" font-size=\"12\">\n<rect width=\"100%\" height=\"100%\" fill=\"white\"/>\n\
-         <text x=\"{LEFT}\" y=\"22\" font-size=\"14\">{}: <tspan fill=\"#555\">recorded</tspan>, \
-         <tspan fill=\"#c0392b\">replayed</tspan></text>\n",
-        node.node
+         font-family=\"sans-serif\" font-size=\"12\">\n<rect width=\"100%\" height=\"100%\" fill=\"white\"/>\n"
     );
-    for (index, series) in series.iter().enumerate() {
-        panel(&mut svg, 34.0 + PANEL * index as f64, series);
+    let mut top = 0.0;
+    for node in differing {
+        let _ = writeln!(
+            svg,
+            "<text x=\"{LEFT}\" y=\"{:.1}\" font-size=\"14\">{}: <tspan fill=\"#555\">recorded</tspan>, \
+             <tspan fill=\"#c0392b\">replayed</tspan></text>",
+            top + 22.0,
+            node.node
+        );
+        top += TITLE;
+        for series in node.paths.iter().flat_map(|path| &path.series) {
+            panel(&mut svg, top, series);
+            top += PANEL;
+        }
     }
     svg.push_str("</svg>\n");
     Some(svg)

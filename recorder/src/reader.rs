@@ -1,5 +1,6 @@
 //! Reads a recording: what it says about its run, then sample by sample.
 
+use std::cell::Cell;
 use std::collections::BTreeMap;
 use std::path::Path;
 
@@ -11,8 +12,9 @@ use crate::definition::parts_per_element;
 use crate::error::RecordingError;
 use crate::exact::Layout;
 use crate::facts::{FILES, FORMAT, Facts, METADATA, ROBOT_FILE};
+use crate::feed::INCIDENTS;
 use crate::records::{Next, Records};
-use crate::writer::{CHANGE, INCIDENTS, LOSSES};
+use crate::writer::{CHANGE, LOSSES};
 
 /// A recording that is being read.
 pub struct Recording {
@@ -137,8 +139,18 @@ impl Recording {
     /// Hands all that follows to `each`, in the file's order. In a file that is cut off or damaged all that is whole
     /// before the damage is handed over, then comes the error.
     pub fn read(&mut self, each: &mut dyn FnMut(Item<'_>)) -> Result<(), RecordingError> {
+        self.read_while(&mut |item| {
+            each(item);
+            true
+        })
+    }
+
+    /// The same as long as `each` says that it wants more.
+    pub fn read_while(&mut self, each: &mut dyn FnMut(Item<'_>) -> bool) -> Result<(), RecordingError> {
+        let more = Cell::new(true);
+        let each = &mut |item: Item<'_>| more.set(more.get() && each(item));
         let Recording { records, channels, schemas, .. } = self;
-        loop {
+        while more.get() {
             let (file, at) = (records.file.clone(), records.at());
             let Some(next) = records.next()? else { return Ok(()) };
             let mut take = |record: Record<'_>| take(record, &file, channels, schemas, each);
@@ -149,6 +161,7 @@ impl Recording {
                 Next::Record(record) => take(record)?,
             }
         }
+        Ok(())
     }
 }
 

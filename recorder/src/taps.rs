@@ -6,7 +6,7 @@ use runtime::channel::{ChannelError, RawReader, ReadError, SampleBuffer, Tree};
 use runtime::path;
 
 use crate::error::RecordError;
-use crate::writer::{ChannelKey, RecordingWriter};
+use crate::feed::{ChannelKey, Feed, Outlet};
 
 /// All channels of a robot that are recorded.
 pub struct Taps {
@@ -14,6 +14,8 @@ pub struct Taps {
     wanted: Vec<String>,
     taps: BTreeMap<String, Tap>,
     samples: u64,
+    /// What a ring held before it was found is not read, but for the newest sample.
+    skips_history: bool,
 }
 
 struct Tap {
@@ -27,7 +29,12 @@ struct Tap {
 impl Taps {
     /// Taps on the channels of `tree`; with `wanted`, on those that one of them names: a path, a folder, or a pattern.
     pub fn new(tree: Tree, wanted: Vec<String>) -> Taps {
-        Taps { tree, wanted, taps: BTreeMap::new(), samples: 0 }
+        Taps { tree, wanted, taps: BTreeMap::new(), samples: 0, skips_history: false }
+    }
+
+    /// Begins each channel at its newest sample instead of the oldest that its ring holds.
+    pub fn without_history(self) -> Taps {
+        Taps { skips_history: true, ..self }
     }
 
     fn wants(&self, path: &str) -> bool {
@@ -40,8 +47,8 @@ impl Taps {
     }
 
     /// Opens what is new, and what was replaced. A ring that continues its predecessor's numbers continues its channel.
-    pub fn look_around(&mut self, out: &mut RecordingWriter) -> Result<(), RecordError> {
-        for path in self.tree.list()? {
+    pub fn look_around<O: Outlet>(&mut self, out: &mut Feed<O>) -> Result<(), O::Error> {
+        for path in self.tree.list().map_err(RecordError::from)? {
             let current = self.taps.get(&path).is_some_and(|tap| !tap.ring.retired() && !tap.ring.unlinked());
             if current || !self.wants(&path) {
                 continue;
@@ -50,7 +57,7 @@ impl Taps {
             let ring = match self.tree.reader(&path, None) {
                 Ok(ring) => ring,
                 Err(ChannelError::Missing { .. } | ChannelError::NotAChannel { .. }) => continue,
-                Err(e) => return Err(e.into()),
+                Err(e) => return Err(RecordError::from(e).into()),
             };
             let buffer = SampleBuffer::new(ring.geometry());
             let before = self.taps.remove(&path);
@@ -60,7 +67,8 @@ impl Taps {
                 }
                 before => {
                     let lost = before.map_or(0, |tap| tap.lost);
-                    (out.channel(&path, ring.geometry())?, ring.oldest(), lost)
+                    let first = if self.skips_history { ring.head().max(1) } else { ring.oldest() };
+                    (out.channel(&path, ring.geometry())?, first, lost)
                 }
             };
             self.taps.insert(path, Tap { ring, key, buffer, next, lost });
@@ -69,7 +77,7 @@ impl Taps {
     }
 
     /// Writes down all that is new.
-    pub fn drain(&mut self, out: &mut RecordingWriter) -> Result<(), RecordError> {
+    pub fn drain<O: Outlet>(&mut self, out: &mut Feed<O>) -> Result<(), O::Error> {
         for tap in self.taps.values_mut() {
             let head = tap.ring.head();
             while tap.next <= head {
@@ -91,6 +99,16 @@ impl Taps {
             }
         }
         Ok(())
+    }
+
+    /// Hands the newest sample of the channel at `path` over once more, for somebody who has only now begun to look.
+    pub fn repeat<O: Outlet>(&mut self, path: &str, out: &mut Feed<O>) -> Result<(), O::Error> {
+        let Some(tap) = self.taps.get_mut(path) else { return Ok(()) };
+        // What is not yet handed over comes by itself.
+        match tap.ring.read(tap.next.saturating_sub(1), &mut tap.buffer) {
+            Ok(sample) => out.sample(tap.key, &sample, tap.buffer.fixed(), tap.buffer.tail()),
+            Err(_) => Ok(()),
+        }
     }
 
     /// Samples written down.

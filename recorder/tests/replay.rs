@@ -37,7 +37,7 @@ fn states_of_orders(file: &Path) -> Vec<u8> {
 }
 
 #[test]
-fn every_node_gives_its_recorded_bytes_again_through_calls_device_bytes_and_a_death() {
+fn every_node_gives_its_recorded_bytes_again_through_calls_device_bytes_a_death_and_an_inheritance() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("run.mcap");
     record(&file, 2.0, 5, &mut |_, _, _| true);
@@ -161,8 +161,11 @@ fn a_changed_node_is_measured_field_by_field_and_drawn() {
         ("x_m", comparison.paths[0].different + comparison.paths[0].identical)
     );
     assert!(fields[0].rms > 0.0 && fields[0].max >= fields[0].rms && fields[0].mean > 0.0);
-    let plot = recorder::plot(&comparison).unwrap();
-    assert!(plot.contains("x_m") && plot.matches("<polyline").count() == 2, "{plot}");
+    let (adder, boss) = (replayed(&file, "/drivers/adder"), replay(&file, &changed, "/tasks/boss").unwrap());
+    assert_eq!(recorder::plot(&[adder.clone(), boss]), None, "what is identical is not drawn");
+    let twice = recorder::plot(&[adder, comparison.clone(), comparison]).unwrap();
+    assert!(twice.contains("x_m") && twice.matches("<polyline").count() == 4, "{twice}");
+    assert!(twice.matches("/perception/mean: ").count() == 2 && !twice.contains("/drivers/adder: "), "{twice}");
 }
 
 #[test]

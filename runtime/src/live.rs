@@ -6,7 +6,7 @@
 use crate::calls::StepWatch;
 use crate::channel::{Claim, PrivateWord, Tree, Waiter};
 use crate::clock;
-use crate::host::Running;
+use crate::host::{Opened, Running};
 use crate::node::OpenError;
 use crate::ports::{Devices, Input, Ports};
 use crate::pump::{Arrival, GuardLine, Notifier, Pump, PumpBuilder};
@@ -34,6 +34,8 @@ pub struct LiveOptions {
     pub fence: bool,
     /// What the process tree gives its nodes, where there is one.
     pub tree: Option<TreeShare>,
+    /// A standby: open everything, then wait for a byte on this descriptor before taking any path.
+    pub go: Option<i32>,
 }
 
 /// What the process tree gives a process of nodes: see the supervisor's table of what a node finds.
@@ -144,16 +146,26 @@ pub fn run(
     let _ = STOP_WORDS.set(words.clone());
     sys::catch_stop_signals(wake_all);
     let barrier = Arc::new(Barrier::new(specs.len() + 1));
+    let gate =
+        options.go.map(|_| Arc::new(Gate { opened: Barrier::new(specs.len() + 1), go: Barrier::new(specs.len() + 1) }));
     let grants = Arc::new(Mutex::new(Vec::new()));
     let failed = Arc::new(Mutex::new(None));
     let mut threads = Vec::new();
     for (index, (spec, word)) in specs.into_iter().zip(words).enumerate() {
         let (robot, options, barrier) = (robot.clone(), options.clone(), barrier.clone());
-        let (grants, failed) = (grants.clone(), failed.clone());
+        let (grants, failed, gate) = (grants.clone(), failed.clone(), gate.clone());
         let instance = spec.instance.clone();
         let body = move || {
             let line = options.tree.as_ref().and_then(|tree| tree.line(index));
-            let started = NodeThread::start(&robot, &spec, &options, word, line);
+            let opened = NodeThread::open(&robot, &spec, &options);
+            if let Some(gate) = &gate {
+                if opened.is_err() {
+                    sys::request_stop();
+                }
+                gate.opened.wait();
+                gate.go.wait();
+            }
+            let started = opened.and_then(|opened| NodeThread::start(&robot, &spec, &options, opened, word, line));
             match &started {
                 Ok(thread) => grants.lock().unwrap_or_else(|e| e.into_inner()).push(thread.grants.clone()),
                 Err(_) => sys::request_stop(),
@@ -167,6 +179,16 @@ pub fn run(
         let thread = std::thread::Builder::new().name(instance.clone()).stack_size(STACK_BYTES).spawn(body);
         let thread = thread.map_err(|e| LiveError::Thread { instance: instance.clone(), reason: e.to_string() })?;
         threads.push((instance, thread));
+    }
+    if let (Some(gate), Some(go)) = (&gate, options.go) {
+        gate.opened.wait();
+        if !sys::stop_requested() {
+            report_waiting();
+            if !sys::wait_for_go(go) {
+                sys::request_stop();
+            }
+        }
+        gate.go.wait();
     }
     barrier.wait();
     if !sys::stop_requested() {
@@ -251,6 +273,21 @@ pub fn report_ready() {
     }
 }
 
+/// Tells the supervisor that this standby waits, on the descriptor on which it will say that it is ready.
+fn report_waiting() {
+    if let Some(descriptor) = std::env::var("SINEW_READY_FD").ok().and_then(|text| text.parse().ok())
+        && let Err(e) = sys::report_waiting(descriptor)
+    {
+        eprintln!("cannot tell the supervisor that this standby waits: {e}");
+    }
+}
+
+/// Where the nodes of a standby wait: all are opened, then all go on.
+struct Gate {
+    opened: Barrier,
+    go: Barrier,
+}
+
 /// What has come from the pump since the last look.
 #[derive(Default)]
 struct Arrivals {
@@ -283,18 +320,26 @@ struct NodeThread {
 }
 
 impl NodeThread {
+    /// Opens the node without taking any path. A standby asks the kernel for its real-time rights here: what it locks
+    /// in memory then is there when it must be quick.
+    fn open(robot: &Robot, spec: &NodeSpec, options: &LiveOptions) -> Result<(Opened, Option<Grants>), LiveError> {
+        let fail = |source: OpenError| LiveError::Open { instance: spec.instance.clone(), source };
+        let place = Devices::Live(options.root.clone());
+        let opened = open_declared(robot, spec, options.seed, place).map_err(fail)?;
+        Ok((opened, options.go.map(|_| realtime::apply(&robot.realtime, spec.priority, &spec.path()))))
+    }
+
     fn start(
         robot: &Robot,
         spec: &NodeSpec,
         options: &LiveOptions,
+        (mut opened, granted): (Opened, Option<Grants>),
         word: PrivateWord,
         line: Option<Line>,
     ) -> Result<NodeThread, LiveError> {
         let instance = spec.instance.clone();
         let fail = |source: OpenError| LiveError::Open { instance: instance.clone(), source };
         let tree = Tree::shared(&options.root).map_err(|e| LiveError::Tree(e.to_string()))?;
-        let place = Devices::Live(options.root.clone());
-        let mut opened = open_declared(robot, spec, options.seed, place).map_err(fail)?;
         let claim = if options.fence { Claim::Fence } else { Claim::Continue };
         opened.ports.bind(&tree, claim).map_err(fail)?;
         let arrivals = Arc::new(Arrivals::default());
@@ -310,7 +355,7 @@ impl NodeThread {
             *opened.ports.latch.place.borrow_mut() = LatchPlace::Shared(tree.latch);
         }
         if let Some(line) = line {
-            *opened.ports.keepsake.0.borrow_mut() = KeepPlace::Line(line);
+            *opened.ports.keepsake.place.borrow_mut() = KeepPlace::Line(line);
             let period_s = spec.period_ns.map_or(0.0, |period| period as f64 * 1e-9);
             let deadline_s = spec.deadline_ns.map_or(0.0, |deadline| deadline as f64 * 1e-9);
             let limit_s = SILENT_S.max(3.0 * period_s).max(3.0 * deadline_s);
@@ -319,7 +364,7 @@ impl NodeThread {
         }
         let (pump, step_watch, told, guard) =
             spawn_pump(&mut opened.ports, spec, robot, options, notifier).map_err(fail)?;
-        let grants = realtime::apply(&robot.realtime, spec.priority, &spec.path());
+        let grants = granted.unwrap_or_else(|| realtime::apply(&robot.realtime, spec.priority, &spec.path()));
         let _ = told.set(grants.clone());
         let start = clock::now();
         let triggers: Vec<Rc<Input>> = opened

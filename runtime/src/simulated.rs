@@ -46,6 +46,9 @@ impl Default for ExecutionModel {
     }
 }
 
+/// No event happens then.
+const NEVER: Time = Time::from_nanos(u64::MAX);
+
 /// How often a node's counters are published where somebody reads them [s].
 const STATISTICS_S: f64 = 1.0;
 
@@ -61,6 +64,8 @@ pub struct SimulatedHost {
     execution: ExecutionModel,
     now: Time,
     slots: Vec<Slot>,
+    /// When each node steps next, if nothing else happens, as [`Slot::next_release`] says; the end of time for never.
+    releases: Vec<Time>,
     /// For each node the nodes that its samples may release.
     listeners: Vec<Vec<usize>>,
     /// The stop latch, as the host was told.
@@ -130,6 +135,7 @@ impl SimulatedHost {
             execution,
             now: start,
             slots: Vec::new(),
+            releases: vec![NEVER; robot.nodes.len()],
             listeners: Vec::new(),
             latch: Rc::default(),
             keepsakes: robot.nodes.iter().map(|_| Keepsake::default()).collect(),
@@ -219,6 +225,7 @@ impl SimulatedHost {
         pump.join(&self.calls).map_err(|e| OpenError::Config { reason: e.to_string() })?;
         // A fault is kept in `last_fault`.
         let _ = running.start(now);
+        self.plan(index);
         Ok(())
     }
 
@@ -293,25 +300,32 @@ impl SimulatedHost {
     }
 
     fn release_called(&mut self) {
-        for slot in &mut self.slots {
-            if slot.called.swap(false, Ordering::Relaxed) && slot.running.is_some() {
-                slot.pending = Some(slot.pending.map_or(self.now, |pending| pending.min(self.now)));
+        for index in 0..self.slots.len() {
+            if self.slots[index].called.swap(false, Ordering::Relaxed) {
+                self.release(index, self.now);
             }
         }
     }
 
+    /// Has node `index` step at `at`, or earlier if it was to do so anyway.
+    fn release(&mut self, index: usize, at: Time) {
+        let slot = &mut self.slots[index];
+        if slot.running.is_some() {
+            slot.pending = Some(slot.pending.map_or(at, |pending| pending.min(at)));
+            self.plan(index);
+        }
+    }
+
+    /// Works out anew when node `index` steps next.
+    fn plan(&mut self, index: usize) {
+        self.releases[index] = self.slots[index].next_release().unwrap_or(NEVER);
+    }
+
     /// Serves the next event at or before `until`; `None` when there is none, and the time is `until` then.
     pub fn step_until(&mut self, until: Time) -> Option<Stepped> {
-        let mut best: Option<(Time, usize)> = None;
-        for (index, slot) in self.slots.iter().enumerate() {
-            if let Some(at) = slot.next_release()
-                && best.is_none_or(|(time, _)| at < time)
-            {
-                best = Some((at, index));
-            }
-        }
+        let best = self.releases.iter().copied().zip(0..).min();
         match best {
-            Some((at, index)) if at <= until => Some(self.serve(index, at.max(self.now))),
+            Some((at, index)) if at <= until && at < NEVER => Some(self.serve(index, at.max(self.now))),
             _ => {
                 self.now = self.now.max(until);
                 self.links.set_now(self.now);
@@ -338,17 +352,18 @@ impl SimulatedHost {
         let ended = at.after_s(spent_s);
         (slot.busy_since, slot.busy_until) = (at, ended);
         let fault = running.step(at, release, || ended).is_err();
+        let has_device = !running.opened.ports.incoming.is_empty();
         if slot.is_timed {
             running.publish_statistics(ended, STATISTICS_S);
         }
-        if slot.doomed {
+        self.plan(index);
+        if self.slots[index].doomed {
             self.deaths.push_back((index, at));
             self.kill(index);
             self.release_listeners(index, ended);
             self.carry_calls();
             return Stepped { node: index, at, fault };
         }
-        let has_device = !running.opened.ports.incoming.is_empty();
         self.release_listeners(index, ended);
         if has_device {
             self.release_device_readers();
@@ -363,8 +378,8 @@ impl SimulatedHost {
             let listener = self.listeners[index][k];
             let slot = &mut self.slots[listener];
             let arrived = slot.triggers.iter().fold(false, |any, input| input.take_arrival().is_some() | any);
-            if arrived && slot.running.is_some() {
-                slot.pending = Some(slot.pending.map_or(ended, |pending| pending.min(ended)));
+            if arrived {
+                self.release(listener, ended);
             }
         }
     }
@@ -372,12 +387,13 @@ impl SimulatedHost {
     /// Bytes may be under way to any node with a device: it is released when the last byte of one `send` arrives. What a
     /// node has read is no longer under way.
     fn release_device_readers(&mut self) {
-        for slot in self.slots.iter_mut().filter(|slot| slot.device_trigger) {
-            let Some(running) = &slot.running else { continue };
-            for (link, direction) in &running.opened.ports.incoming {
-                if let Some(arrival) = link.next_arrival(*direction, Time::ZERO) {
-                    slot.pending = Some(slot.pending.map_or(arrival, |pending| pending.min(arrival)));
-                }
+        for index in 0..self.slots.len() {
+            let slot = &self.slots[index];
+            let Some(running) = slot.running.as_ref().filter(|_| slot.device_trigger) else { continue };
+            let arrivals = running.opened.ports.incoming.iter();
+            let arrivals = arrivals.filter_map(|(link, direction)| link.next_arrival(*direction, Time::ZERO));
+            if let Some(arrival) = arrivals.min() {
+                self.release(index, arrival);
             }
         }
     }
@@ -401,6 +417,7 @@ impl SimulatedHost {
         slot.pending = None;
         slot.doomed = false;
         self.calls.node_ended(&slot.spec.path());
+        self.plan(index);
     }
 
     /// Lets node `index` hang for `seconds`: it holds its paths and does not step.
@@ -411,6 +428,7 @@ impl SimulatedHost {
             slot.busy_since = self.now;
         }
         slot.busy_until = slot.busy_until.max(until);
+        self.plan(index);
     }
 
     /// Starts node `index` again after a death.

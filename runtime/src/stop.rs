@@ -10,6 +10,7 @@ use std::rc::Rc;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
 
+use crate::journal::{EntryKind, Note};
 use crate::pump::Waker;
 
 /// Where a node's latch is.
@@ -161,7 +162,11 @@ impl StopSource {
 
 /// What a node leaves its successor: a few bytes that outlive its process.
 #[derive(Debug, Clone, Default)]
-pub struct Keepsake(pub(crate) Rc<RefCell<KeepPlace>>);
+pub struct Keepsake {
+    pub(crate) place: Rc<RefCell<KeepPlace>>,
+    /// Its place in the node's journal: what was left is an input of the life that reads it.
+    note: Option<Note>,
+}
 
 /// Where it lies.
 #[derive(Debug, Default)]
@@ -183,12 +188,23 @@ impl Keepsake {
 
     /// Lets this be the same as `other`, which outlives it.
     pub(crate) fn share(&self, other: &Keepsake) {
-        *self.0.borrow_mut() = KeepPlace::Host(other.clone());
+        *self.place.borrow_mut() = KeepPlace::Host(other.clone());
+    }
+
+    /// The same keepsake, whose use is written down, or played back.
+    pub(crate) fn noted(&self, note: Option<Note>) -> Keepsake {
+        Keepsake { place: self.place.clone(), note }
     }
 
     /// Leaves `bytes`; false when they are too many.
     pub fn keep(&self, bytes: &[u8]) -> bool {
-        match &mut *self.0.borrow_mut() {
+        if let Some(note) = &self.note {
+            note.say(EntryKind::Left, &[bytes]);
+            if note.plays() {
+                return bytes.len() <= KEPT_BYTES;
+            }
+        }
+        match &mut *self.place.borrow_mut() {
             KeepPlace::Line(line) => line.keep(bytes),
             KeepPlace::Host(other) => other.keep(bytes),
             KeepPlace::Local(kept) if bytes.len() <= KEPT_BYTES => {
@@ -209,7 +225,23 @@ impl Keepsake {
 
     /// What the predecessor left, copied into `out`; empty when it left nothing.
     pub fn kept<'a>(&self, out: &'a mut [u8; KEPT_BYTES]) -> &'a [u8] {
-        match &*self.0.borrow() {
+        let Some(note) = &self.note else { return self.look(out) };
+        if note.plays() {
+            let played = note.played(EntryKind::Inherited).unwrap_or_default();
+            let length = played.len().min(KEPT_BYTES);
+            out[..length].copy_from_slice(&played[..length]);
+            return &out[..length];
+        }
+        let kept = self.look(out);
+        match kept.is_empty() {
+            true => note.nothing(EntryKind::Inherited),
+            false => note.say(EntryKind::Inherited, &[kept]),
+        }
+        kept
+    }
+
+    fn look<'a>(&self, out: &'a mut [u8; KEPT_BYTES]) -> &'a [u8] {
+        match &*self.place.borrow() {
             KeepPlace::Line(line) => line.kept(out).unwrap_or_default(),
             KeepPlace::Host(other) => other.kept(out),
             KeepPlace::Local(kept) => {

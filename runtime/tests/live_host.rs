@@ -91,6 +91,7 @@ fn node_process() {
         supervisor: std::env::var("TOY_SUPERVISOR").ok().map(|pid| pid.parse().unwrap()),
         fence: false,
         tree: None,
+        go: None,
     };
     let paths: Vec<String> = nodes.split(' ').map(str::to_owned).collect();
     let done = live::run(&robot(), &paths, &options, |grants| {

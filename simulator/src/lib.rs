@@ -21,7 +21,7 @@ pub use laser::LaserSetup;
 pub use node::{BodyConfig, LaserConfig, World, WorldConfig};
 pub use realism::{LaserRealism, LineFaults, Realism, SonarRealism, WheelRealism};
 pub use scene::Thing;
-pub use simulation::{BodySetup, Chassis, STEP_NS, STEP_S, Setup, SetupError, Simulation};
+pub use simulation::{BodySetup, Chassis, STEP_NS, STEP_S, Setup, SetupError, Simulation, Way, people_along};
 pub use statistics::Statistics;
 
 use runtime::NodeType;

@@ -64,7 +64,7 @@ pub struct BodyConfig {
 pub struct LaserConfig {
     /// Driver instance whose simulated twin it is.
     pub name: String,
-    /// Model: urg-04lx, utm-30lx, ust-10lx, or sinew-720 (720 beams over 270° at 50 Hz, no product: a stand-in that
+    /// Model: lms200, urg-04lx, utm-30lx, ust-10lx, or sinew-720 (720 beams over 270° at 50 Hz, no product: a stand-in that
     /// speaks SCIP 2.0).
     pub model: String,
     /// Ahead of the body's origin [m].

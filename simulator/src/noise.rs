@@ -13,6 +13,7 @@ pub(crate) enum Purpose {
     Sonar = 4,
     Line = 5,
     Laser = 6,
+    Crowd = 7,
     Layout = 20,
     Swarm = 21,
 }

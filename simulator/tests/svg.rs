@@ -66,9 +66,11 @@ fn a_picture_shows_map_track_contacts_robot_and_forces() {
     let footprint = Footprint::cut_rectangle(0.21, 0.3, 0.2, 0.1).unwrap();
     let contact = |x_m, cause: ContactCause| Contact { x_m, y_m: 6.3, speed_m_s: 0.2, cause: cause as u64 };
     let (track, beams, forces) = (track(), beams(), forces());
+    let went: Vec<Point> = (0..80).map(|k| Point::new(6.0 + 0.0375 * k as f64, 6.1)).collect();
     let svg = render(&Picture {
         world: &world,
         persons: &[Circle::new(Point::new(9.0, 6.1), 0.25)],
+        ways: &[went],
         track: &track,
         contacts: &[contact(6.0, ContactCause::Drove), contact(7.0, ContactCause::Suffered)],
         robot: Some(RobotPicture {
@@ -87,6 +89,7 @@ fn a_picture_shows_map_track_contacts_robot_and_forces() {
     assert_eq!((count("class=\"strong\""), count("class=\"calm\"")), (2, 5));
     assert!(count("class=\"track\"") > 5, "the track changes its colour with the speed");
     assert!(svg.contains("&lt;office&gt;") && svg.contains("31.2 m"));
+    assert_eq!((count("class=\"trace\""), count("class=\"way\"")), (1, 0), "people are drawn where they went");
     assert!(svg.contains("contact caused") && svg.contains("contact suffered"));
     if let Ok(file) = std::env::var("SINEW_TEST_SVG") {
         std::fs::write(file, svg).unwrap();
@@ -96,7 +99,15 @@ fn a_picture_shows_map_track_contacts_robot_and_forces() {
 #[test]
 fn an_empty_world_without_a_robot_is_a_picture_too() {
     let world = World::default();
-    let svg =
-        render(&Picture { world: &world, persons: &[], track: &[], contacts: &[], robot: None, title: "", facts: &[] });
+    let svg = render(&Picture {
+        world: &world,
+        persons: &[],
+        ways: &[],
+        track: &[],
+        contacts: &[],
+        robot: None,
+        title: "",
+        facts: &[],
+    });
     assert_well_formed(&svg);
 }

@@ -62,6 +62,13 @@ impl BeatWatch {
         BeatWatch { watched, looked: None }
     }
 
+    /// Counts the node as having beaten just now.
+    pub fn heal(&mut self, node: usize, now: Time) {
+        for watched in self.watched.iter_mut().filter(|watched| watched.node == node) {
+            (watched.since, watched.before, watched.told) = (now, None, 0);
+        }
+    }
+
     /// Looks at all lines at `now`, which was meant to be `meant_s` after the last look. `process` tells a node's
     /// process, if it has one.
     pub fn look(

@@ -5,9 +5,10 @@ use std::path::Path;
 
 use messages::{Message, NodeStatistics, bytemuck};
 use runtime::Time;
-use runtime::channel::{Expect, RawReader, SampleBuffer, Tree};
+use runtime::channel::{Expect, SampleBuffer, Tree};
 
 use crate::event::Event;
+use crate::ring::Ring;
 use crate::robot_plan::Crew;
 
 /// How often ages are looked at [s].
@@ -30,26 +31,6 @@ struct Watched {
     fresh: Vec<(Ring, u64)>,
     statistics: Vec<(Ring, u64)>,
     stale: bool,
-}
-
-/// A channel that may come, go and be made anew.
-struct Ring {
-    path: String,
-    expect: Option<Expect>,
-    reader: Option<RawReader>,
-}
-
-impl Ring {
-    fn new(path: String, expect: Option<Expect>) -> Ring {
-        Ring { path, expect, reader: None }
-    }
-
-    fn reader(&mut self, tree: &Tree) -> Option<&RawReader> {
-        if self.reader.as_ref().is_none_or(|ring| ring.retired() || ring.unlinked()) {
-            self.reader = tree.reader(&self.path, self.expect.clone()).ok();
-        }
-        self.reader.as_ref()
-    }
 }
 
 impl Detectors {
@@ -102,8 +83,7 @@ impl Watched {
     fn age(&mut self, node: usize, now: Time, since: Time, tree: &Tree) -> Option<Event> {
         let mut oldest_ns = None;
         for (ring, age_ns) in &mut self.fresh {
-            let newest = ring.reader(tree).and_then(|ring| ring.stamp(ring.head()).ok());
-            let newest = newest.map_or(Time::ZERO, |sample| Time::from_nanos(sample.stamp_ns)).max(since);
+            let newest = ring.newest(tree).unwrap_or(Time::ZERO).max(since);
             let age = now.nanos_since(newest);
             if age > *age_ns {
                 oldest_ns = oldest_ns.max(Some(age));

@@ -100,7 +100,7 @@ impl Told {
                         false => SuperviseError::Fill(message),
                     });
                 }
-                Heard::Some(telling) => telling.pass_on(observer),
+                Heard::Some(Telling::News(news)) => observer.report(news.report()),
                 Heard::Nothing | Heard::Gone => return,
             }
         }

@@ -16,8 +16,8 @@ use crate::channels::Channels;
 use crate::claim::Claim;
 use crate::control::{Control, StopHandle};
 use crate::detectors::Detectors;
+use crate::errands::Errands;
 use crate::event::{Action, Event, Incident, IncidentKind};
-use crate::exit::Exit;
 use crate::host_tree::InTree;
 use crate::incidents::{Journal, Record};
 use crate::observer::{Guarded, Outcome, Report, StopCause};
@@ -50,6 +50,7 @@ pub(crate) struct Host<'a> {
     /// Channels of the robot's tree, where it has one.
     pub channels: Channels,
     pub detectors: Detectors,
+    pub errands: Errands,
     pub begun: Time,
     pub stopped_by: StopCause,
     /// Requests that a second one of the same kind turns into an immediate end.
@@ -65,6 +66,9 @@ pub(crate) struct Host<'a> {
 pub(crate) enum Source {
     Death(usize),
     Ready(usize),
+    StandbyDeath(usize),
+    StandbyReady(usize),
+    Errand,
     Signal,
     Stop,
     Control,
@@ -86,6 +90,10 @@ impl Host<'_> {
                 match source {
                     Source::Death(node) => self.look_for_death(node),
                     Source::Ready(node) => self.look_for_ready(node),
+                    Source::StandbyDeath(node) => self.look_for_standby_death(node),
+                    Source::StandbyReady(node) => self.look_for_standby_ready(node),
+                    // Looked at below, like the paths that are waited for.
+                    Source::Errand => {}
                     Source::Signal => self.take_signals(),
                     Source::Stop => self.take_stops(),
                     Source::Control => self.serve(),
@@ -95,6 +103,9 @@ impl Host<'_> {
             }
             self.look_around();
             self.detect();
+            for event in self.errands.look(clock::now()) {
+                self.take(event);
+            }
             self.take(Event::Timer);
             if self.observer.has_panicked() {
                 self.end(StopCause::Program, false);
@@ -131,6 +142,10 @@ impl Host<'_> {
         let living = || self.slots.iter().enumerate().filter_map(|(node, slot)| Some((node, slot.process.as_ref()?)));
         watched.extend(living().map(|(node, process)| (Source::Death(node), process.death())));
         watched.extend(living().filter_map(|(node, process)| Some((Source::Ready(node), process.ready()?))));
+        let waiting = || self.slots.iter().enumerate().filter_map(|(node, slot)| Some((node, slot.standby.as_ref()?)));
+        watched.extend(waiting().map(|(node, standby)| (Source::StandbyDeath(node), standby.death())));
+        watched.extend(waiting().filter_map(|(node, standby)| Some((Source::StandbyReady(node), standby.ready()?))));
+        watched.extend(self.errands.watched().map(|descriptor| (Source::Errand, descriptor)));
         watched.push((Source::Signal, self.signals.arrival()));
         watched.extend(self.stop.iter().map(|stop| (Source::Stop, stop.requested())));
         watched.extend(self.control.watched().map(|descriptor| (Source::Control, descriptor)));
@@ -139,7 +154,8 @@ impl Host<'_> {
         let mut polled: Vec<PollFd<'_>> =
             watched.iter().map(|(_, descriptor)| PollFd::from_borrowed_fd(*descriptor, PollFlags::IN)).collect();
         let look = self.inside.as_ref().map(|inside| inside.next_look);
-        let next = [self.policy.next_timer(), look].into_iter().flatten().min();
+        let errand = self.errands.next_look(clock::now());
+        let next = [self.policy.next_timer(), look, errand].into_iter().flatten().min();
         let timeout = next.map(|at| Duration::from_nanos(at.nanos_since(clock::now())));
         let timeout = timeout.and_then(|timeout| Timespec::try_from(timeout).ok());
         // A wait that fails (no kernel memory) looks at everything instead: every look is free to find nothing.
@@ -166,20 +182,38 @@ impl Host<'_> {
                     Action::Terminate { node } => self.with_process(node, Process::terminate),
                     Action::Kill { node } => self.with_process(node, Process::kill),
                     Action::Notify(incident) => self.record(incident),
-                    Action::StartStandby { node, .. } => {
-                        events.push_back(Event::StandbyDied { node, exit: Exit::NotStarted(libc::ENOSYS) });
+                    Action::StartStandby { node, other } => {
+                        if let Err(exit) = self.slots[node].start_standby(&self.launcher, other) {
+                            events.push_back(Event::StandbyDied { node, exit });
+                        }
                     }
                     Action::Promote { node } => {
-                        events.push_back(Event::Died { node, exit: Exit::NotStarted(libc::ENOSYS) });
+                        self.leave_state();
+                        match self.slots[node].promote(&self.run_folder) {
+                            Ok(()) => started.push(node),
+                            Err(exit) => events.push_back(Event::Died { node, exit }),
+                        }
                     }
-                    Action::Execute { ticket, .. } | Action::Await { ticket, .. } => {
-                        events.push_back(Event::Outcome { ticket, success: false });
+                    // Whoever is dropped is killed and reaped.
+                    Action::KillStandby { node } => self.slots[node].standby = None,
+                    Action::Revert { node } => self.slots[node].revert(),
+                    Action::Execute { ticket, command } => {
+                        if !self.errands.execute(clock::now(), ticket, command, &self.launcher) {
+                            events.push_back(Event::Outcome { ticket, success: false });
+                        }
                     }
-                    Action::KillStandby { .. }
-                    | Action::Revert { .. }
-                    | Action::Heal { .. }
-                    | Action::Hold { .. }
-                    | Action::Limp { .. } => {}
+                    Action::Await { ticket, path, within_s } => {
+                        if !self.errands.wait_for(clock::now(), ticket, path, within_s) {
+                            events.push_back(Event::Outcome { ticket, success: false });
+                        }
+                    }
+                    Action::Heal { node } => {
+                        if let Some(inside) = &mut self.inside {
+                            inside.beats.heal(node, clock::now());
+                        }
+                    }
+                    // Nodes read both on `/supervisor/robot/state`.
+                    Action::Hold { .. } | Action::Limp { .. } => {}
                     Action::Reprioritise { node, above } => self.slots[node].reprioritise(above),
                     Action::Stop { node } => self.latch_stop(node),
                     Action::Done => self.done = true,
@@ -214,6 +248,19 @@ impl Host<'_> {
         if slot.process.as_mut().is_some_and(Process::take_ready) {
             self.observer.report(Report::Ready { instance: &slot.instance });
             self.take(Event::Ready { node });
+        }
+    }
+
+    fn look_for_standby_death(&mut self, node: usize) {
+        if let Some(exit) = self.slots[node].look_for_standby_death() {
+            self.take(Event::StandbyDied { node, exit });
+        }
+    }
+
+    fn look_for_standby_ready(&mut self, node: usize) {
+        if self.slots[node].standby.as_mut().is_some_and(Process::take_ready) {
+            self.slots[node].standby_waits = true;
+            self.take(Event::StandbyReady { node });
         }
     }
 

@@ -14,6 +14,7 @@
 //! | `SINEW_RESTARTS` | how many processes of this node came before in this run |
 //! | descriptor 4, `SINEW_TABLE` ("4 first count") | in a process tree: the table of heartbeats and keepsakes, and the node's lines |
 //! | descriptor 5 (`SINEW_LATCH_FD`) | in a process tree: the stop latch, read-only |
+//! | descriptor 6 (`SINEW_STANDBY_FD`) | a standby: open everything, write one byte to descriptor 3, take no path before a byte comes; at its end without one, end |
 //! | SIGTERM | stop in order; after the grace comes SIGKILL, to the whole process group |
 //!
 //! A node is a session leader without a controlling terminal and with no other descriptor; signal mask and handlers are
@@ -32,6 +33,7 @@ mod channels;
 mod claim;
 mod control;
 mod detectors;
+mod errands;
 mod event;
 mod exit;
 mod folders;
@@ -42,6 +44,7 @@ mod incidents;
 mod ladder;
 mod leftovers;
 mod logs;
+mod news;
 mod observer;
 mod owner;
 mod plan;
@@ -51,6 +54,7 @@ mod processes;
 mod reactions;
 mod remembered;
 mod requests;
+mod ring;
 mod robot_plan;
 mod rule;
 mod run;
@@ -77,6 +81,7 @@ pub use exit::Exit;
 pub use front::{Front, front_connection, refuse, run_tree};
 pub use incidents::{Record, describe};
 pub use logs::log_folder;
+pub use news::News;
 pub use observer::{Observer, Outcome, Report, StopCause};
 pub use owner::{Owner, owner, owners};
 pub use plan::{Plan, Program, base_folder, root_folder};
@@ -85,7 +90,7 @@ pub use robot_plan::{Crew, RobotPlan};
 pub use rule::{Restart, Rule};
 pub use run::{SuperviseError, run, run_prepared};
 pub use severity::{Cause, CauseKind, Clear, Severity};
-pub use simulated::{Chronicle, FaultRates, SupervisedHost};
+pub use simulated::{Chronicle, FaultRates, PlannedFault, SupervisedHost, When};
 pub use state::{NodeState, RobotState};
 pub use status::{NodeStatus, Status};
 pub use supervise::supervise;

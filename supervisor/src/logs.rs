@@ -64,6 +64,16 @@ impl NodeLog {
         &self.file
     }
 
+    /// The file, for a process that runs beside the present one.
+    pub fn beside(&self) -> &File {
+        &self.file
+    }
+
+    /// From here on the present process is another one, which was started with [`NodeLog::beside`].
+    pub fn hand_over(&mut self) {
+        self.from = self.file.metadata().map_or(self.from, |file| file.len());
+    }
+
     /// The last lines that the present process has written.
     pub fn last_lines(&self) -> Vec<String> {
         let end = self.file.metadata().map_or(0, |file| file.len());

@@ -53,6 +53,10 @@ pub struct Plan {
     pub supervision: Option<Supervision>,
     /// The robot's processes, numbered like the programs, whose channels are looked at; empty for other programs.
     pub crews: Vec<Crew>,
+    /// Commands that reactions execute, by number.
+    pub commands: Vec<Vec<String>>,
+    /// Paths that reactions wait for, by number.
+    pub awaited: Vec<String>,
     /// Ends the run from another thread.
     pub stop: Option<StopHandle>,
 }
@@ -68,6 +72,8 @@ impl Plan {
             programs,
             supervision: None,
             crews: Vec::new(),
+            commands: Vec::new(),
+            awaited: Vec::new(),
             stop: None,
         }
     }

@@ -24,6 +24,11 @@ use crate::exit::Exit;
 
 /// Number of the descriptor on which a node says that it is ready.
 pub const READY_FD: i32 = 3;
+/// Number of the descriptor on which a standby waits for the word to go.
+const GO_FD: i32 = 6;
+
+/// Where a standby finds its `GO_FD`.
+const STANDBY_NAME: &str = "SINEW_STANDBY_FD";
 
 /// A program made ready to be started again and again.
 #[derive(Debug, Clone)]
@@ -39,7 +44,7 @@ impl Command {
         let program = argv.first().ok_or_else(|| io::Error::new(io::ErrorKind::InvalidInput, "no program named"))?;
         let path = find_program(program)?;
         // A supervisor may itself be somebody's node: what it was told about itself is not for its own nodes.
-        let told_anew = |name: &OsStr| name == "SINEW_READY_FD" || name == "SINEW_RESTARTS";
+        let told_anew = |name: &OsStr| name == "SINEW_READY_FD" || name == "SINEW_RESTARTS" || name == STANDBY_NAME;
         let changed = |name: &OsStr| changes.iter().any(|(other, _)| other == name);
         let kept = std::env::vars_os().filter(|(name, _)| !told_anew(name) && !changed(name));
         let environment = kept.chain(changes.iter().cloned()).map(|(name, value)| {
@@ -53,6 +58,13 @@ impl Command {
             arguments: argv.iter().map(|argument| text(argument)).collect::<io::Result<_>>()?,
             environment: environment.collect::<io::Result<_>>()?,
         })
+    }
+
+    /// The same with another program; what it is told stays.
+    pub fn with_program(&self, program: &OsStr) -> io::Result<Command> {
+        let path = text(find_program(program)?.as_os_str())?;
+        let arguments = [path.clone()].into_iter().chain(self.arguments.iter().skip(1).cloned()).collect();
+        Ok(Command { path, arguments, environment: self.environment.clone() })
     }
 }
 
@@ -90,6 +102,28 @@ impl Launcher {
         log: Option<&File>,
         reports_ready: bool,
     ) -> io::Result<Process> {
+        self.start_with(command, restarts, log, reports_ready, None)
+    }
+
+    /// The same for a standby: it opens, says so on the ready pipe, and takes no path before [`Process::promote`].
+    pub fn start_standby(&self, command: &Command, restarts: u32, log: Option<&File>) -> io::Result<Process> {
+        // The word to go must not get lost in a full pipe or wait for anybody: one byte always fits.
+        let (read, write) = pipe_with(PipeFlags::CLOEXEC)?;
+        // Above all numbers that the child is given something under.
+        let read = rustix::io::fcntl_dupfd_cloexec(read, 64)?;
+        let mut process = self.start_with(command, restarts, log, true, Some(&read))?;
+        process.go = Some(write);
+        Ok(process)
+    }
+
+    fn start_with(
+        &self,
+        command: &Command,
+        restarts: u32,
+        log: Option<&File>,
+        reports_ready: bool,
+        go: Option<&OwnedFd>,
+    ) -> io::Result<Process> {
         let ready = if reports_ready { Some(pipe_with(PipeFlags::CLOEXEC | PipeFlags::NONBLOCK)?) } else { None };
         let log = log.unwrap_or(&self.null).as_raw_fd();
         let mut files = PosixSpawnFileActions::init()?;
@@ -102,7 +136,14 @@ impl Launcher {
         for (descriptor, number) in &self.given {
             files.add_dup2(descriptor.as_raw_fd(), *number)?;
         }
-        for &number in self.inherited.iter().filter(|&&number| !(reports_ready && number == READY_FD)) {
+        if let Some(read) = go {
+            files.add_dup2(read.as_raw_fd(), GO_FD)?;
+        }
+        for &number in self
+            .inherited
+            .iter()
+            .filter(|&&number| !(reports_ready && number == READY_FD || go.is_some() && number == GO_FD))
+        {
             files.add_close(number)?;
         }
         let mut attributes = PosixSpawnAttr::init()?;
@@ -113,13 +154,15 @@ impl Launcher {
         attributes.set_sigmask(&SigSet::empty())?;
 
         let restarts = text(OsStr::new(&format!("SINEW_RESTARTS={restarts}")))?;
-        let environment: Vec<&CString> = command.environment.iter().chain([&restarts]).collect();
+        let standby = text(OsStr::new(&format!("{STANDBY_NAME}={GO_FD}")))?;
+        let told = [&restarts].into_iter().chain(go.map(|_| &standby));
+        let environment: Vec<&CString> = command.environment.iter().chain(told).collect();
         let pid = posix_spawn(command.path.as_c_str(), &files, &attributes, &command.arguments, &environment)?;
         let pid = Pid::from_raw(pid.as_raw()).ok_or(Errno::SRCH)?;
         // Until it is reaped the pid stays taken, even if the process has ended already.
         match process::pidfd_open(pid, PidfdFlags::empty()) {
             Ok(descriptor) => {
-                Ok(Process { pid, descriptor, ready: ready.map(|(read, _)| read), reaped: false, own: true })
+                Ok(Process { pid, descriptor, ready: ready.map(|(read, _)| read), go: None, reaped: false, own: true })
             }
             Err(error) => {
                 let _ = process::kill_process(pid, Signal::KILL);
@@ -136,6 +179,8 @@ pub struct Process {
     pid: Pid,
     descriptor: OwnedFd,
     ready: Option<OwnedFd>,
+    /// A standby waits for a byte on it. Closed unwritten, it ends the standby.
+    go: Option<OwnedFd>,
     reaped: bool,
     /// Whether this process started it, and so is the one to reap it.
     own: bool,
@@ -147,7 +192,7 @@ const REAPED_WITHIN_S: f64 = 0.05;
 impl Process {
     /// A process that a supervisor before this one has started.
     pub fn adopt(pid: i32, descriptor: OwnedFd) -> Option<Process> {
-        Some(Process { pid: Pid::from_raw(pid)?, descriptor, ready: None, reaped: false, own: false })
+        Some(Process { pid: Pid::from_raw(pid)?, descriptor, ready: None, go: None, reaped: false, own: false })
     }
 
     /// Number of the process.
@@ -175,10 +220,18 @@ impl Process {
                 false
             }
             Ok(_) => {
-                self.ready = None;
+                // A standby says it twice: that it waits, and that it has taken over.
+                if self.go.is_none() {
+                    self.ready = None;
+                }
                 true
             }
         }
+    }
+
+    /// Lets a standby take over; false when it is not there any more to hear it.
+    pub fn promote(&mut self) -> bool {
+        self.go.take().is_some_and(|go| rustix::io::write(&go, &[1]) == Ok(1))
     }
 
     /// Asks the process to stop; a stopped one is woken so that it can.
@@ -257,7 +310,7 @@ fn is_inheritable(number: RawFd) -> bool {
 }
 
 /// The file that a shell would run for `program`.
-fn find_program(program: &OsStr) -> io::Result<PathBuf> {
+pub(crate) fn find_program(program: &OsStr) -> io::Result<PathBuf> {
     let executable = |path: &Path| path.is_file() && rustix::fs::access(path, rustix::fs::Access::EXEC_OK).is_ok();
     let missing = || io::Error::new(io::ErrorKind::NotFound, format!("no program {}", program.display()));
     if program.as_bytes().contains(&b'/') {

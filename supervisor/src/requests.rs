@@ -1,13 +1,21 @@
-//! Requests over the control socket that concern the policy: `start NODE`, `stop NODE`, `restart NODE`, `clear`.
+//! Requests over the control socket that concern the policy: `start NODE`, `stop NODE`, `restart NODE`,
+//! `replace NODE [PROGRAM]`, `set NODE …`, `wire NODE …`, `clear`.
+//!
+//! `replace` starts the node's program anew, or another PROGRAM (the rest of the line), beside the living one; when it has
+//! opened, the living one is stopped and it takes over. If it fails its trial, the one before is started again.
 //!
 //! `clear` ends causes of limp mode and hold that wait for a person, once they are gone; the emergency stop itself is
 //! reset at the guard. A node is named by its path or by the last part of it, where that is unique.
+
+use std::ffi::OsStr;
 
 use runtime::clock;
 
 use crate::event::{Event, Request};
 use crate::host::Host;
+use crate::observer::Report;
 use crate::policy::Policy;
+use crate::processes::find_program;
 
 /// What `words` ask for, or why not.
 fn parse(words: &str, instances: &[String]) -> Option<Result<Request, String>> {
@@ -16,10 +24,18 @@ fn parse(words: &str, instances: &[String]) -> Option<Result<Request, String>> {
         "start" => |node| Request::Start { node },
         "stop" => |node| Request::Stop { node },
         "restart" => |node| Request::Restart { node },
+        // What has changed stands in the robot that every process reads at its start.
+        "replace" | "set" | "wire" => |node| Request::Replace { node },
         "clear" if name.is_empty() => return Some(Ok(Request::Reset)),
         _ => return None,
     };
+    let name = if ["replace", "set", "wire"].contains(&verb) { name.split(' ').next().unwrap_or(name) } else { name };
     Some(find(name, instances).map(make))
+}
+
+/// The other program that a `replace` names.
+fn program(words: &str) -> Option<&str> {
+    words.strip_prefix("replace ")?.split_once(' ').map(|(_, program)| program)
 }
 
 /// The node called `name`.
@@ -41,6 +57,9 @@ pub(crate) fn answer(words: &str, instances: &[String], policy: &Policy) -> Opti
     let refused = |reason: String| (serde_json::json!({ "error": reason }).to_string(), None);
     Some(match parse(words, instances)? {
         Err(reason) => refused(reason),
+        Ok(_) if program(words).is_some_and(|program| find_program(OsStr::new(program)).is_err()) => {
+            refused(format!("cannot {words}: there is no such program, or it cannot be run"))
+        }
         Ok(request) => match policy.refusal(request) {
             Some(reason) => refused(format!("cannot {words}: {reason}")),
             None => (r#"{"ok":true}"#.to_owned(), Some(request)),
@@ -58,6 +77,13 @@ impl Host<'_> {
             | Request::Restart { node }
             | Request::Replace { node } => Some(node),
         };
+        if let Request::Replace { node } = request
+            && let Err(error) = self.slots[node].replace_with(program(words).map(OsStr::new))
+        {
+            // It was there when the request was answered.
+            self.observer.report(Report::Note(&format!("cannot {words}: {error}")));
+            return;
+        }
         self.channels.change(clock::now(), node, words);
         self.take(Event::Call(request));
     }

@@ -96,6 +96,9 @@ pub fn run_prepared(
     };
     let mut observer = Guarded::new(observer);
     let (log_folder, journal) = open_journal(&plan, &mut observer);
+    // A robot whose reactions execute nothing needs no log of it.
+    let errands_log = log_folder.filter(|_| !plan.commands.is_empty());
+    let errands_log = errands_log.and_then(|folder| NodeLog::create(folder, "reactions").ok());
     let mut slots = Vec::new();
     for (program, command) in plan.programs.iter().zip(commands) {
         let log = open_log(log_folder, program, &mut observer, false);
@@ -114,6 +117,13 @@ pub fn run_prepared(
         observer,
         channels: crate::channels::Channels::none(),
         detectors: crate::detectors::Detectors::none(),
+        errands: crate::errands::Errands::new(
+            &plan.robot,
+            claim.root(),
+            plan.commands.clone(),
+            plan.awaited.clone(),
+            errands_log,
+        ),
         begun: clock::now(),
         stopped_by: StopCause::NothingLeft,
         interrupts: 0,

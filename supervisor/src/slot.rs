@@ -1,6 +1,8 @@
 //! The place of one node: its process, and what is known of those before it.
 
+use std::ffi::OsStr;
 use std::fs;
+use std::io;
 use std::path::Path;
 
 use runtime::{Time, clock};
@@ -16,6 +18,10 @@ use crate::status::NodeStatus;
 pub(crate) struct Slot {
     pub instance: String,
     pub process: Option<Process>,
+    /// A second process that has opened, or is about to, and waits.
+    pub standby: Option<Process>,
+    /// Whether it has opened and waits.
+    pub standby_waits: bool,
     /// Process of the newest start.
     pub pid: Option<i32>,
     /// When the present process was started, in clock ticks since boot.
@@ -26,6 +32,10 @@ pub(crate) struct Slot {
     pub last_lines: Vec<String>,
     file_name: String,
     command: Command,
+    /// The program that is to replace the present one.
+    other: Option<Command>,
+    /// The one from before the last replacement.
+    before: Option<Command>,
     reports_ready: bool,
     /// `None`: what the node says goes to /dev/null.
     log: Option<NodeLog>,
@@ -48,12 +58,16 @@ impl Slot {
         Slot {
             instance,
             process: None,
+            standby: None,
+            standby_waits: false,
             pid: None,
             ticks: None,
             dead_pid: None,
             last_lines: Vec::new(),
             file_name,
             command,
+            other: None,
+            before: None,
             reports_ready,
             log,
             above: 0,
@@ -100,12 +114,7 @@ impl Slot {
         let log = self.log.as_mut().map(NodeLog::begin);
         match launcher.start(&self.command, self.starts - 1, log, self.reports_ready) {
             Ok(process) => {
-                let pid = process.pid();
-                (self.pid, self.process) = (Some(pid), Some(process));
-                // For the next supervisor, should this one be killed. A full disk is made up for by SINEW_RUN.
-                self.ticks = proc::start_ticks(pid);
-                let line = format!("{pid} {}\n", self.ticks.unwrap_or(0));
-                let _ = fs::write(run_folder.join(format!("{}.pid", self.file_name)), line);
+                self.lives(process, run_folder);
                 Ok(())
             }
             Err(error) => {
@@ -114,6 +123,72 @@ impl Slot {
                 self.last_lines.clear();
                 Err(exit)
             }
+        }
+    }
+
+    fn lives(&mut self, process: Process, run_folder: &Path) {
+        let pid = process.pid();
+        (self.pid, self.process) = (Some(pid), Some(process));
+        // For the next supervisor, should this one be killed. A full disk is made up for by SINEW_RUN.
+        self.ticks = proc::start_ticks(pid);
+        let line = format!("{pid} {}\n", self.ticks.unwrap_or(0));
+        let _ = fs::write(run_folder.join(format!("{}.pid", self.file_name)), line);
+    }
+
+    /// Names the program of the next replacement; `None` for the present one's file, as it is then.
+    pub fn replace_with(&mut self, program: Option<&OsStr>) -> io::Result<()> {
+        let program = program.map_or_else(|| Ok(self.command.clone()), |program| self.command.with_program(program));
+        self.other = Some(program?);
+        Ok(())
+    }
+
+    /// Starts a standby, of the `other` program where that is asked for.
+    pub fn start_standby(&mut self, launcher: &Launcher, other: bool) -> Result<(), Exit> {
+        if !self.reports_ready {
+            // A program that never says that it is ready cannot say that it waits.
+            return Err(Exit::NotStarted(libc::ENOTSUP));
+        }
+        let command = self.other.as_ref().filter(|_| other).unwrap_or(&self.command);
+        match launcher.start_standby(command, self.starts, self.log.as_ref().map(NodeLog::beside)) {
+            Ok(process) => {
+                (self.standby, self.standby_waits) = (Some(process), false);
+                Ok(())
+            }
+            Err(error) => Err(Exit::NotStarted(error.raw_os_error().unwrap_or(libc::EINVAL))),
+        }
+    }
+
+    /// How the standby ended, if it has.
+    pub fn look_for_standby_death(&mut self) -> Option<Exit> {
+        let exit = self.standby.as_mut().and_then(Process::reap)?;
+        self.standby = None;
+        Some(exit)
+    }
+
+    /// The standby takes over; why not, if it is gone.
+    pub fn promote(&mut self, run_folder: &Path) -> Result<(), Exit> {
+        self.starts += 1;
+        self.above = 0;
+        self.started = clock::now();
+        let Some(mut process) = self.standby.take() else { return Err(Exit::NotStarted(libc::ESRCH)) };
+        if !process.promote() {
+            return Err(Exit::NotStarted(libc::EPIPE));
+        }
+        if let Some(other) = self.other.take() {
+            self.before = Some(std::mem::replace(&mut self.command, other));
+        }
+        if let Some(log) = &mut self.log {
+            log.hand_over();
+        }
+        self.lives(process, run_folder);
+        Ok(())
+    }
+
+    /// Goes back to the program from before the last replacement.
+    pub fn revert(&mut self) {
+        self.other = None;
+        if let Some(before) = self.before.take() {
+            self.command = before;
         }
     }
 
@@ -144,6 +219,7 @@ impl Slot {
             lived_s: self.process.as_ref().map(|_| clock::now().since(self.started)),
             restarts: self.restarts(),
             last_exit: self.last_exit.map(|exit| exit.to_string()),
+            standby: self.standby.as_ref().map(|_| if self.standby_waits { "waiting" } else { "starting" }.to_owned()),
         }
     }
 }

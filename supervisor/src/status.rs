@@ -39,4 +39,7 @@ pub struct NodeStatus {
     pub restarts: u32,
     /// How it last ended, in words.
     pub last_exit: Option<String>,
+    /// A process that is to take over from it: `starting`, or `waiting` once it has opened.
+    #[serde(default)]
+    pub standby: Option<String>,
 }

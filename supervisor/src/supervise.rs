@@ -12,9 +12,11 @@ use crate::care::{Care, Supervision};
 use crate::channels::Channels;
 use crate::claim::Claim;
 use crate::detectors::Detectors;
+use crate::errands::Errands;
 use crate::host::Host;
 use crate::host_tree::InTree;
 use crate::leftovers;
+use crate::logs::NodeLog;
 use crate::observer::{Guarded, StopCause};
 use crate::plan::Plan;
 use crate::policy::Policy;
@@ -54,6 +56,9 @@ pub fn supervise(plan: Plan) -> Result<(), SuperviseError> {
     let mut distant = Distant(&told);
     let mut observer = Guarded::new(&mut distant);
     let (log_folder, journal) = open_journal(&plan, &mut observer);
+    // A robot whose reactions execute nothing needs no log of it.
+    let errands_log = log_folder.filter(|_| !plan.commands.is_empty());
+    let errands_log = errands_log.and_then(|folder| NodeLog::create(folder, "reactions").ok());
     let mut slots = Vec::new();
     for (program, command) in plan.programs.iter().zip(commands) {
         let log = open_log(log_folder, program, &mut observer, tree.saved.is_some());
@@ -85,6 +90,7 @@ pub fn supervise(plan: Plan) -> Result<(), SuperviseError> {
         observer,
         channels,
         detectors: Detectors::of(claim.root(), &plan.crews),
+        errands: Errands::new(&plan.robot, claim.root(), plan.commands.clone(), plan.awaited.clone(), errands_log),
         begun: clock::now(),
         stopped_by: StopCause::NothingLeft,
         interrupts: 0,

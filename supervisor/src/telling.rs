@@ -7,9 +7,8 @@ use std::os::fd::OwnedFd;
 use rustix::net::{RecvFlags, SendFlags, recv, send};
 use serde::{Deserialize, Serialize};
 
-use crate::incidents::Record;
-use crate::observer::{Guarded, Observer, Outcome, Report, StopCause};
-use crate::state::RobotState;
+use crate::news::News;
+use crate::observer::{Observer, Outcome, Report, StopCause};
 
 /// Longest packet [byte].
 const PACKET_BYTES: usize = 160 << 10;
@@ -24,26 +23,8 @@ pub enum Telling {
         /// Whether the plan contradicts itself.
         flaw: bool,
     },
-    /// As [`Report::Note`].
-    Note(String),
-    /// As [`Report::Started`].
-    Started {
-        /// Node.
-        instance: String,
-        /// Its process.
-        pid: i32,
-        /// Processes before.
-        restarts: u32,
-    },
-    /// As [`Report::Ready`].
-    Ready {
-        /// Node.
-        instance: String,
-    },
-    /// As [`Report::Incident`].
-    Incident(Box<Record>),
-    /// As [`Report::Robot`].
-    Robot(RobotState),
+    /// What the supervisor reports.
+    News(News),
     /// The run is over.
     Over(Box<Outcome>),
 }
@@ -55,35 +36,6 @@ pub struct Ask {
     pub cause: StopCause,
     /// Without grace.
     pub at_once: bool,
-}
-
-impl Telling {
-    /// What there is to tell.
-    pub fn of(report: Report<'_>) -> Telling {
-        match report {
-            Report::Note(text) => Telling::Note(text.to_owned()),
-            Report::Started { instance, pid, restarts } => {
-                Telling::Started { instance: instance.to_owned(), pid, restarts }
-            }
-            Report::Ready { instance } => Telling::Ready { instance: instance.to_owned() },
-            Report::Incident(record) => Telling::Incident(Box::new(record.clone())),
-            Report::Robot(state) => Telling::Robot(state),
-        }
-    }
-
-    /// Tells `observer`, if it is for one.
-    pub fn pass_on(&self, observer: &mut Guarded<'_>) {
-        match self {
-            Telling::Note(text) => observer.report(Report::Note(text)),
-            Telling::Started { instance, pid, restarts } => {
-                observer.report(Report::Started { instance, pid: *pid, restarts: *restarts });
-            }
-            Telling::Ready { instance } => observer.report(Report::Ready { instance }),
-            Telling::Incident(record) => observer.report(Report::Incident(record)),
-            Telling::Robot(state) => observer.report(Report::Robot(*state)),
-            Telling::Refused { .. } | Telling::Over(_) => {}
-        }
-    }
 }
 
 /// Sends without waiting.
@@ -122,6 +74,6 @@ pub struct Distant<'a>(pub &'a OwnedFd);
 
 impl Observer for Distant<'_> {
     fn report(&mut self, report: Report<'_>) {
-        tell(self.0, &Telling::of(report));
+        tell(self.0, &Telling::News(News::of(report)));
     }
 }

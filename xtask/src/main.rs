@@ -19,6 +19,7 @@ const STEPS: &[Step] = &[
     step("lint", &["cargo", "clippy", "--workspace", "--all-targets", "--release", "--quiet", "--", "-D", "warnings"]),
     step("build", &["cargo", "build", "--workspace", "--release", "--quiet"]),
     step("peers", &["recorder/tests/peers/run"]),
+    step("laser-peers", &["tests/peers/run"]),
     step("test", &["cargo", "test", "--workspace", "--release", "--quiet"]),
     Step {
         name: "loom",
@@ -32,8 +33,14 @@ const STEPS: &[Step] = &[
     },
 ];
 
-/// What only some machines can do: not part of `check`.
-const EXTRAS: &[Step] = &[step("mrpt", &["make", "--no-print-directory", "-C", "benches/peers/mrpt"])];
+/// What only some machines can do, or what takes minutes of building for itself: not part of `check`.
+const EXTRAS: &[Step] = &[
+    step("live", &["edges/foxglove/tests/run"]),
+    step("debug", &["tests/debug_and_release"]),
+    step("mrpt", &["make", "--no-print-directory", "-C", "benches/peers/mrpt"]),
+    // 10,000 missions under faults, and what SINEW_LONG=1 adds to the tests: an hour.
+    step("nightly", &[".ci/nightly"]),
+];
 
 fn main() -> ExitCode {
     let mut wanted: Vec<String> = std::env::args().skip(1).collect();

@@ -60,6 +60,7 @@ pub fn run(args: Args, types: &[NodeType]) -> Result<(), Failure> {
         value["ok"] = Value::Bool(true);
         value["errors"] = json!([]);
         value["warnings"] = graph.warnings.iter().map(error_json).collect();
+        value["world_notes"] = json!(crate::picture::notes_of(&robot));
         value["response_analysis"] = json!({"nodes": verdict.reckoned, "utilization": verdict.utilization});
         out.json(&value)?;
         return out.flush();
@@ -67,6 +68,9 @@ pub fn run(args: Args, types: &[NodeType]) -> Result<(), Failure> {
     out.table(&table(&graph))?;
     for warning in &graph.warnings {
         out.line(format!("\n{}: {warning}", out.paint.tone(Tone::Warn, "warning")))?;
+    }
+    for note in crate::picture::notes_of(&robot) {
+        out.line(format!("\n{}: {note}", out.paint.tone(Tone::Warn, "note")))?;
     }
     let good = out.paint.tone(Tone::Good, "ok");
     let (nodes, wires) = (count(graph.nodes.len(), "node"), count(graph.edges.len(), "wire"));

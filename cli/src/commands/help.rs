@@ -9,12 +9,12 @@ const GROUPS: [(&str, &[&str]); 5] = [
     (
         "Run a robot",
         &[
-            "run", "drive", "goto", "mode", "down", "estop", "reset", "resume", "start", "stop", "restart", "simulate",
-            "compare", "barn",
+            "run", "drive", "goto", "mode", "down", "estop", "reset", "resume", "start", "stop", "restart", "replace",
+            "simulate", "compare", "barn",
         ],
     ),
     ("Look at a running robot", &["top", "incidents", "ls", "cat", "hz", "logs", "call"]),
-    ("Record, and see again", &["record", "info", "play", "replay", "recover"]),
+    ("Record, and see again", &["record", "info", "play", "replay", "recover", "live"]),
     ("Look at a robot file", &["check", "graph", "schema"]),
     ("Look at this machine", &["doctor", "bench", "experiments", "chaos"]),
 ];
@@ -81,15 +81,40 @@ Examples:
   sinew simulate --world office:7 --seeds 0..100   in an office made from seed 7 (also corridors, rooms, cave)
   sinew simulate --seeds 0..1000 --scenario mission.toml --csv a.csv --report a.html
                                                    a batch of missions; --resume goes on after Ctrl-C
+  sinew simulate --seeds 0..1000 --faults chaos    deaths, hangs, lost bytes, … from each seed
+  sinew simulate --seeds 7..8 --faults faults.toml --expect 0123456789abcdef
+                                                   a mission again: the same byte for byte, or exit code 1
+
+A fault file holds rates per minute (deaths, hangs, slowdowns, bursts, stops, supervisor: those of chaos are 14, 5, 5, 4,
+1, 2), bounds (in_step, hang_s, slower, slow_s, lost_bytes, burst_s), and single faults, which happen in every mission:
+  [[fault]]
+  kind = \"death\"                  at_s, node; when (at_once, mid_write, before_head, before_wake), writes
+                                    also hang (at_s, node, for_s), slowdown (… factor, for_s),
+                                    burst (at_s, share, for_s, seed), supervisor (at_s, for_s),
+                                    stop (at_s, node, gone_after_s, reset_after_s)
+Each kind draws from a random stream of its own: one kind less leaves the others as they are.
 
 JSON (--json):
   {\"runs\": [{seed, contacts_caused, contacts_suffered, distance_m, least_clearance_m, mean_speed_m_s,
              realtime_factor, hash}], \"total\": {the same keys}}
   The same seed gives the same hash, on any machine.
   With --scenario, --csv or --report: {missions: [{seed, success, failure, time_s, goals, …}], wanted, finished,
-  succeeded, figures: [{metric, unit, mean, deviation, quantiles}]}; a failed mission's exit code is 4.
+  succeeded, realtime_factor, figures: [{metric, unit, mean, deviation, quantiles}]}; a failed mission's exit code is 4.
 
-Exit code 4 when the robot caused a contact.";
+Exit code 4 when the robot caused a contact, or an emergency stop did not hold; 130 after Ctrl-C.";
+
+pub const SHRINK: &str = "\
+Examples:
+  sinew shrink --seed 38 --faults chaos             which of the seed's faults the failure needs: faults-38.toml
+  sinew shrink robots/mine --seed 38 --scenario mission.toml --faults chaos --out few.toml
+
+Give everything else as it was given to `sinew simulate`. The mission must fail for the same reason with the faults that
+are left; with any one of them left out it does not. Durations and factors are halved and times rounded as far as they
+can be. The command that is printed replays the result.
+
+JSON (--json): {seed, failure, before, after, runs, faults, file, hash, again}
+
+Exit code 4 when the seed does not fail, or fails without faults as well.";
 
 pub const BARN: &str = "\
 Examples:
@@ -180,6 +205,36 @@ JSON (--json): robot, node, request, ok.";
 pub const RESTART: &str = "\
 Examples:
   sinew restart steer_clear         stops a node in order and starts it again
+
+JSON (--json): robot, node, request, ok.";
+
+pub const SET: &str = "\
+Examples:
+  sinew set forward.speed_m_s 0.15              another speed, while it drives
+  sinew set forward.speed_m_s 0.15 --save       … and in the robot file, comments kept
+
+The change is checked as `sinew check` would; then a new process of the node opens with it beside the living one and
+takes its place. A value that the node refuses changes nothing.
+
+JSON (--json): robot, node, change, saved, ok.";
+
+pub const WIRE: &str = "\
+Examples:
+  sinew wire steer_clear.ranges /drivers/laser/ranges
+  sinew wire drive.ranges /drivers/laser/ranges /drivers/base/sonar    the second one while the first is silent
+
+Types must agree. A node is written to by one alone, so a wire never makes a second writer.
+
+JSON (--json): robot, node, change, saved, ok.";
+
+pub const REPLACE: &str = "\
+Examples:
+  sinew replace steer_clear                           starts the node's program anew, as its file is now
+  sinew replace steer_clear --program ./sinew-new     another build of it
+
+The new process opens everything beside the living one. When it waits, the living one is stopped in order and the new
+one takes its paths. One that does not open is ended and nothing changes; one that dies within its trial
+(care.trial_s) is taken back. `sinew incidents` tells which it was.
 
 JSON (--json): robot, node, request, ok.";
 
@@ -288,6 +343,19 @@ its own that only reads: a full disk ends the recording and never the robot.
 
 JSON (--json): file, duration_s, channels, samples, lost, bytes, cpu_s.";
 
+pub const LIVE: &str = "\
+Examples:
+  sinew live                      serves the only running robot at ws://127.0.0.1:8765, until Ctrl-C
+  sinew live pioneer --port 0     at a port that the kernel chooses
+  sinew live --paths /drivers --paths /ros
+  sinew live --bind 0.0.0.0       to the whole network, unencrypted
+
+In Lichtblick (1.22 or newer) or Foxglove: Open connection, Foxglove WebSocket, ws://127.0.0.1:8765. Topics, types and
+bytes are those of a recording. Viewers can watch and nothing else; a slow one loses messages and slows nobody down. The
+server is a program of its own, sinew-live, that `cargo xtask live` builds.
+
+JSON (--json): event \"serving\" with robot, url, port; at the end \"over\" with samples, lost.";
+
 pub const INFO: &str = "\
 Examples:
   sinew info run.mcap             topics, types, counts, rates, what is missing, incidents
@@ -303,8 +371,11 @@ Examples:
   sinew play run.mcap             its paths come alive: sinew ls, cat, hz work as if the robot ran
   sinew play run.mcap --rate 4 --from 20s
   sinew play run.mcap --loop --name ghost
+  (echo pause; echo seek 20s; cat) | sinew play run.mcap --commands
 
-Stamps are moved to now; at another rate they are as far apart as they are played.
+In a terminal space pauses, ← and → skip 5 s, + and - double and halve the rate, Home begins anew, q ends; with --commands
+lines of the standard input do the same: pause, go, rate 2, seek 20s, skip -5s, end. Stamps are moved to now; at another
+rate they are as far apart as they are played.
 
 JSON (--json): samples, rounds, took_s.";
 
@@ -312,7 +383,7 @@ pub const REPLAY: &str = "\
 Examples:
   sinew replay run.mcap                                   every node does its recorded steps again
   sinew replay run.mcap --node steer_clear --node base    these two
-  sinew replay run.mcap --node steer_clear --set nodes.steer_clear.config.kappa=0.5 --svg change.svg
+  sinew replay run.mcap --node forward --set nodes.forward.config.speed_m_s=0.2 --svg change.svg
                                                           how a changed node differs: statistics and a plot
 A step sees the samples, device bytes and calls that it saw then, and what it writes is compared byte for byte. A step of
 which something is missing is counted as not replayable; nothing is guessed.
@@ -440,7 +511,7 @@ mod tests {
         let command = CommandLine::command();
         for name in [
             "ls", "cat", "hz", "call", "logs", "check", "graph", "doctor", "simulate", "bench", "record", "info",
-            "play", "replay", "recover", "estop", "reset", "resume",
+            "play", "replay", "recover", "live", "estop", "reset", "resume",
         ] {
             let found = command.find_subcommand(name).expect("it is a command");
             assert!(found.get_arguments().any(|a| a.get_long() == Some("json")), "{name} has no --json");

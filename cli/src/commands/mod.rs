@@ -4,6 +4,7 @@ mod barn;
 pub mod bench;
 mod call;
 mod cat;
+mod change;
 mod chaos;
 mod check;
 mod compare;
@@ -18,16 +19,19 @@ mod help;
 mod hz;
 mod incidents;
 mod info;
+mod live;
 mod logs;
 mod ls;
 mod mode;
 pub mod node;
 mod play;
+mod play_remote;
 mod record;
 mod recover;
 mod replay;
 pub mod run;
 mod schema;
+mod shrink;
 pub mod simulate;
 mod steer;
 mod top;
@@ -38,6 +42,7 @@ use crate::exit::{Failure, OK};
 use crate::output::{Paint, Tone};
 use clap::{FromArgMatches, Parser, Subcommand};
 use runtime::NodeType;
+use std::io::Write;
 use std::process::ExitCode;
 
 /// Sinew runs, watches and simulates mobile robots
@@ -54,6 +59,8 @@ enum Command {
     Run(run::Args),
     #[command(after_help = help::SIMULATE)]
     Simulate(simulate::Args),
+    #[command(after_help = help::SHRINK)]
+    Shrink(shrink::Args),
     #[command(after_help = help::COMPARE)]
     Compare(compare::Args),
     #[command(after_help = help::BARN)]
@@ -78,6 +85,12 @@ enum Command {
     Stop(steer::Args),
     #[command(after_help = help::RESTART)]
     Restart(steer::Args),
+    #[command(after_help = help::SET)]
+    Set(change::SetArgs),
+    #[command(after_help = help::WIRE)]
+    Wire(change::WireArgs),
+    #[command(after_help = help::REPLACE)]
+    Replace(steer::ReplaceArgs),
     #[command(after_help = help::TOP)]
     Top(top::Args),
     #[command(after_help = help::INCIDENTS)]
@@ -94,6 +107,8 @@ enum Command {
     Logs(logs::Args),
     #[command(after_help = help::RECORD)]
     Record(record::Args),
+    #[command(after_help = help::LIVE)]
+    Live(live::Args),
     #[command(after_help = help::INFO)]
     Info(info::Args),
     #[command(after_help = help::PLAY)]
@@ -138,7 +153,9 @@ pub fn main(extra: &[NodeType]) -> ExitCode {
         Ok(()) => ExitCode::from(OK),
         Err(failure) => {
             if !failure.message.is_empty() {
-                eprintln!("{} {}", Paint::stderr().tone(Tone::Bad, "error:"), failure.message);
+                let error = Paint::stderr().tone(Tone::Bad, "error:");
+                // A terminal that has gone hears nothing, and that is no reason to panic.
+                let _ = writeln!(std::io::stderr(), "{error} {}", failure.message);
             }
             ExitCode::from(failure.code)
         }
@@ -149,6 +166,7 @@ fn dispatch(command: Command, types: &[NodeType]) -> Result<(), Failure> {
     match command {
         Command::Run(args) => run::run(args, types),
         Command::Simulate(args) => simulate::run(args, types),
+        Command::Shrink(args) => shrink::run(&args, types),
         Command::Compare(args) => compare::run(&args),
         Command::Barn(args) => barn::run(args, types),
         Command::Drive(args) => drive::run(args, types),
@@ -161,6 +179,9 @@ fn dispatch(command: Command, types: &[NodeType]) -> Result<(), Failure> {
         Command::Start(args) => steer::run(&args, "start"),
         Command::Stop(args) => steer::run(&args, "stop"),
         Command::Restart(args) => steer::run(&args, "restart"),
+        Command::Replace(args) => steer::replace(&args),
+        Command::Set(args) => change::set(&args, types),
+        Command::Wire(args) => change::wire(&args, types),
         Command::Top(args) => top::run(&args),
         Command::Incidents(args) => incidents::run(&args),
         Command::Ls(args) => ls::run(args),
@@ -169,6 +190,7 @@ fn dispatch(command: Command, types: &[NodeType]) -> Result<(), Failure> {
         Command::Call(args) => call::run(args),
         Command::Logs(args) => logs::run(args),
         Command::Record(args) => record::run(args, types),
+        Command::Live(args) => live::run(&args),
         Command::Info(args) => info::run(args),
         Command::Play(args) => play::run(args),
         Command::Replay(args) => replay::run(args, types),

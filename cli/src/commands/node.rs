@@ -30,6 +30,7 @@ pub fn run(args: Args, types: &[NodeType]) -> Result<(), Failure> {
         supervisor: std::env::var("SINEW_SUPERVISOR_PID").ok().and_then(|pid| pid.parse().ok()),
         fence: args.fence,
         tree: live::TreeShare::inherited(),
+        go: std::env::var("SINEW_STANDBY_FD").ok().and_then(|number| number.parse().ok()),
     };
     live::run(&robot, &args.nodes, &options, |grants| {
         for grant in grants {

@@ -1,5 +1,6 @@
 //! `sinew play`: a recording's paths come alive.
 
+use crate::commands::play_remote::Remote;
 use crate::exit::{Failure, USAGE};
 use crate::live;
 use crate::output::{Out, count, parse_seconds, span};
@@ -25,6 +26,9 @@ pub struct Args {
     /// Begins again at the end, until Ctrl-C
     #[arg(long = "loop")]
     looped: bool,
+    /// Obeys lines of the standard input: pause, go, rate 2, seek 20s, skip -5s; in a terminal keys do the same
+    #[arg(long)]
+    commands: bool,
     /// Name of the robot; without it the recorded one
     #[arg(long)]
     name: Option<String>,
@@ -56,11 +60,16 @@ pub fn run(args: Args) -> Result<(), Failure> {
     let until_s = length_s.map_or(f64::INFINITY, |length| from_s + length);
     let options = Options { file: args.file, root, rate: args.rate, from_s, until_s, looped: args.looped };
     let json = args.json;
-    let played = play(&options, &stop, || {
+    let mut remote = Remote::new(args.commands);
+    let keys = remote.has_keys();
+    let played = play(&options, &stop, &mut || remote.ask(&stop), || {
+        let more = if keys { "; space pauses, ← and → skip 5 s, + and - change the rate\r" } else { "" };
         if !json {
-            eprintln!("playing as robot \"{name}\"; Ctrl-C ends it");
+            eprintln!("playing as robot \"{name}\"; Ctrl-C ends it{more}");
         }
-    })?;
+    });
+    drop(remote);
+    let played = played?;
     let mut out = Out::stdout();
     match json {
         true => out.json(&serde_json::to_value(played)?)?,

@@ -47,8 +47,7 @@ pub fn run(args: Args, types: &[NodeType]) -> Result<(), Failure> {
         return Err(ReplayFailure::NoSteps { file: args.file, node }.into());
     }
     if let Some(file) = &args.svg {
-        let plots: Vec<String> = nodes.iter().filter_map(recorder::plot).collect();
-        match plots.first() {
+        match recorder::plot(&nodes) {
             Some(plot) => std::fs::write(file, plot)
                 .map_err(|e| Failure::from(format!("cannot write {}: {e}", file.display())))?,
             None => eprintln!("nothing differs: {} was not written", file.display()),

@@ -113,7 +113,7 @@ pub(super) fn fill(root: &std::path::Path, launch: &Launch, graph: &Graph) -> Re
 pub(super) fn plan(robot: &Robot) -> Result<Plan, Failure> {
     let program = std::env::current_exe()?;
     let root = supervisor::root_folder(&robot.name);
-    let RobotPlan { mut crews, mut supervision, .. } = RobotPlan::of(robot);
+    let RobotPlan { mut crews, mut supervision, commands, paths } = RobotPlan::of(robot);
     let programs = crews.iter().zip(&supervision.nodes).map(|(crew, care)| {
         let mut argv = vec![program.clone().into_os_string(), "node".into(), "--root".into(), root.clone().into()];
         argv.extend(crew.nodes.iter().map(|&node| robot.nodes[node].path().into()));
@@ -129,7 +129,13 @@ pub(super) fn plan(robot: &Robot) -> Result<Plan, Failure> {
         supervision.nodes.push(Care::plain(program.rule));
         programs.push(program);
     }
-    Ok(Plan { supervision: Some(supervision), crews, ..Plan::new(robot.name.clone(), programs) })
+    Ok(Plan {
+        supervision: Some(supervision),
+        crews,
+        commands,
+        awaited: paths,
+        ..Plan::new(robot.name.clone(), programs)
+    })
 }
 
 /// The recorder: the first to start and the last to stop. When it ends, for want of space say, the robot goes on.

@@ -92,7 +92,7 @@ pub fn show(
     match face {
         Face::Screen => screen::screen(&mut watch, &mut nodes, &mut run)?,
         Face::Lines => talk(&mut watch, &mut nodes, &mut run, &mut |out, picture, nodes, news| {
-            news.iter().filter_map(News::sentence).try_for_each(|sentence| out.line(format!("         {sentence}")))?;
+            news.iter().filter_map(news::sentence).try_for_each(|sentence| out.line(format!("         {sentence}")))?;
             picture.map_or(Ok(()), |picture| out.line(line::status(picture, nodes)))
         })?,
         Face::Json => talk(&mut watch, &mut nodes, &mut run, &mut |out, picture, nodes, news| {

@@ -1,54 +1,19 @@
-//! What the supervisor tells while a robot runs, to be sent from its thread to the one that shows it.
+//! What the supervisor tells while a robot runs, in words.
 
-use supervisor::{Record, Report, RobotState};
+pub use supervisor::News;
 
-/// One thing that the supervisor told.
-#[derive(Debug, Clone, PartialEq)]
-pub enum News {
-    /// A line for people.
-    Note(String),
-    /// A process runs.
-    Started {
-        /// Its name in the plan: a node's path, or the word of a group of nodes.
-        instance: String,
-        /// The process.
-        pid: i32,
-        /// How many came before.
-        restarts: u32,
-    },
-    /// A process says that it is ready.
-    Ready {
-        /// Its name in the plan.
-        instance: String,
-    },
-    /// Something went wrong, or right again.
-    Incident(Box<Record>),
-    /// The robot's state has changed.
-    Robot(RobotState),
-}
-
-impl News {
-    /// The same as data of its own.
-    pub fn of(report: Report<'_>) -> News {
-        match report {
-            Report::Note(text) => News::Note(text.to_owned()),
-            Report::Started { instance, pid, restarts } => {
-                News::Started { instance: instance.to_owned(), pid, restarts }
-            }
-            Report::Ready { instance } => News::Ready { instance: instance.to_owned() },
-            Report::Incident(record) => News::Incident(Box::new(record.clone())),
-            Report::Robot(state) => News::Robot(state),
+/// What a person wants to hear of it; `None` for what goes without saying.
+pub fn sentence(news: &News) -> Option<String> {
+    match news {
+        News::Note(text) => Some(text.clone()),
+        News::Incident(record) if record.node.is_empty() => Some(record.message.clone()),
+        News::Incident(record) => {
+            let told = format!("{}: {}", short(&record.node), record.message);
+            // Its own word for what happened, such as a full disk.
+            let error = record.last_lines.iter().rfind(|line| line.starts_with("error:"));
+            Some(error.map_or_else(|| told.clone(), |error| format!("{told}; {error}")))
         }
-    }
-
-    /// What a person wants to hear of it; `None` for what goes without saying.
-    pub fn sentence(&self) -> Option<String> {
-        match self {
-            News::Note(text) => Some(text.clone()),
-            News::Incident(record) if record.node.is_empty() => Some(record.message.clone()),
-            News::Incident(record) => Some(format!("{}: {}", short(&record.node), record.message)),
-            News::Started { .. } | News::Ready { .. } | News::Robot(_) => None,
-        }
+        News::Started { .. } | News::Ready { .. } | News::Robot(_) => None,
     }
 }
 
@@ -60,12 +25,17 @@ pub fn short(instance: &str) -> &str {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use supervisor::{Record, Report};
 
     #[test]
     fn a_death_is_told_and_a_start_goes_without_saying() {
         let record = Record { node: "/drivers/base".into(), message: "killed by SIGKILL".into(), ..Record::default() };
         let incident = News::of(Report::Incident(&record));
-        assert_eq!(incident.sentence().as_deref(), Some("base: killed by SIGKILL"));
-        assert_eq!(News::of(Report::Started { instance: "a", pid: 1, restarts: 0 }).sentence(), None);
+        assert_eq!(sentence(&incident).as_deref(), Some("base: killed by SIGKILL"));
+        let last_lines = vec!["error: the disk is full".into(), "note: good bye".into()];
+        let record = Record { node: "recorder".into(), message: "exited with code 1".into(), last_lines, ..record };
+        let incident = News::of(Report::Incident(&record));
+        assert_eq!(sentence(&incident).as_deref(), Some("recorder: exited with code 1; error: the disk is full"));
+        assert_eq!(sentence(&News::of(Report::Started { instance: "a", pid: 1, restarts: 0 })), None);
     }
 }

@@ -1,6 +1,6 @@
 //! The nodes of a run: what the supervisor says of their processes, and what they say of their own timing.
 
-use super::news::{News, short};
+use super::news::{News, sentence, short};
 use super::source::Source;
 use messages::NodeStatistics;
 use runtime::Time;
@@ -110,7 +110,7 @@ impl Nodes {
                 News::Robot(state) => self.robot = Some(*state),
                 News::Note(_) => {}
             }
-            self.messages.extend(one.sentence());
+            self.messages.extend(sentence(one));
         }
         let surplus = self.messages.len().saturating_sub(MESSAGES);
         self.messages.drain(..surplus);

@@ -13,6 +13,7 @@ use ratatui::layout::{Constraint, Layout, Rect};
 use ratatui::style::{Color, Modifier, Style};
 use ratatui::text::{Line, Span};
 use ratatui::widgets::Paragraph;
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use simulator::geometry::Point;
 use std::time::Duration;
 use supervisor::RobotState;
@@ -24,25 +25,35 @@ const FOLLOW_M: f64 = 4.0;
 
 /// The terminal in raw mode on its second screen; given back when dropped, and when the program panics.
 pub struct Terminal {
-    inner: ratatui::DefaultTerminal,
+    inner: Option<ratatui::DefaultTerminal>,
 }
 
 impl Terminal {
     /// Takes the terminal.
     pub fn take() -> Result<Terminal, Failure> {
         let inner = ratatui::try_init().map_err(|e| Failure::from(format!("cannot use the terminal: {e}")))?;
-        Ok(Terminal { inner })
+        Ok(Terminal { inner: Some(inner) })
     }
 
     /// Draws one picture.
     pub fn draw(&mut self, paint: impl FnOnce(&mut Frame<'_>)) -> Result<(), Failure> {
-        self.inner.draw(paint).map(|_| ()).map_err(|e| Failure::from(format!("cannot draw on the terminal: {e}")))
+        let Some(inner) = &mut self.inner else { return Ok(()) };
+        inner.draw(paint).map(|_| ()).map_err(|e| Failure::from(format!("cannot draw on the terminal: {e}")))
     }
 
-    /// The next event, if one comes within `seconds`.
+    /// The next event, if one comes within `seconds`. A terminal that has gone is an error: crossterm would read the
+    /// end of its input again and again, and never come back.
     pub fn event(seconds: f64) -> Result<Option<Event>, Failure> {
         let failed = |e: std::io::Error| Failure::from(format!("cannot read the keyboard: {e}"));
-        match event::poll(Duration::from_secs_f64(seconds.max(0.0))).map_err(failed)? {
+        let keyboard = std::io::stdin();
+        let mut polled = [PollFd::new(&keyboard, PollFlags::IN)];
+        let within = Timespec::try_from(Duration::from_secs_f64(seconds.max(0.0))).ok();
+        // A signal, a change of the window's size among them, is looked at below.
+        let _ = poll(&mut polled, within.as_ref());
+        if polled[0].revents().intersects(PollFlags::HUP | PollFlags::ERR | PollFlags::NVAL) {
+            return Err(Failure::from("the terminal has gone"));
+        }
+        match event::poll(Duration::ZERO).map_err(failed)? {
             true => event::read().map(Some).map_err(failed),
             false => Ok(None),
         }
@@ -51,7 +62,11 @@ impl Terminal {
 
 impl Drop for Terminal {
     fn drop(&mut self) {
-        ratatui::restore();
+        // On a terminal that has gone, ratatui's own end would complain to a terminal that has gone, and panic.
+        let inner = self.inner.take();
+        if ratatui::try_restore().is_err() {
+            std::mem::forget(inner);
+        }
     }
 }
 
@@ -65,8 +80,20 @@ struct View {
     zoom: f64,
 }
 
-/// Shows the run until it is over.
+/// Shows the run until it is over. A screen that fails is no reason to leave a robot unattended: it is stopped in order.
 pub(super) fn screen(watch: &mut Watch, nodes: &mut Nodes, run: &mut Run<'_>) -> Result<(), Failure> {
+    let shown = show(watch, nodes, run);
+    if shown.is_err() {
+        run.stop();
+        while !run.over() {
+            nodes.hear(&run.news(runtime::clock::now()));
+            runtime::clock::sleep_s(COLLECT_S);
+        }
+    }
+    shown
+}
+
+fn show(watch: &mut Watch, nodes: &mut Nodes, run: &mut Run<'_>) -> Result<(), Failure> {
     let mut terminal = Terminal::take()?;
     let mut view = View { follow: false, beams: true, track: true, zoom: 1.0 };
     let (mut next_frame, mut next_read) = (runtime::Time::ZERO, runtime::Time::ZERO);

@@ -5,7 +5,6 @@ use messages::{Done, Odometry, Switch, Twist};
 use runtime::calls::{CallPort, Order, OrderPort};
 use runtime::clock;
 use runtime::pump::{Pump, PumpBuilder};
-use std::process::Stdio;
 
 /// A node that switches something and can be sent somewhere.
 struct Node {
@@ -30,13 +29,7 @@ impl Node {
 
     /// Runs the command while the node does `each`.
     fn during(&mut self, arguments: &[&str], mut each: impl FnMut(&mut Node)) -> Said {
-        let mut command = self.place.command(arguments);
-        let mut child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
-        while child.try_wait().unwrap().is_none() {
-            each(self);
-            std::thread::yield_now();
-        }
-        Said::of(child.wait_with_output().unwrap())
+        Said::during(self.place.start(arguments), || each(self))
     }
 }
 

@@ -65,6 +65,20 @@ fn forward(tree: &Tree) -> Option<f64> {
 }
 
 #[test]
+fn a_terminal_that_goes_away_ends_the_drive_and_its_words_to_the_robot() {
+    let mut seeming = Seeming::new("drive-gone");
+    let mut terminal = seeming.drive(Keys::Plain);
+    seeming.until(&mut terminal, true, "a first picture", |_, terminal| terminal.screen.contains("speed"));
+    terminal.hang_up();
+    seeming.until(&mut terminal, false, "the end of the ring", |tree, _| proposal(tree).is_none());
+    let end = clock::now().after_s(10.0);
+    while terminal.child.try_wait().unwrap().is_none() {
+        assert!(clock::now() < end, "it goes on without a terminal");
+        clock::sleep_s(0.01);
+    }
+}
+
+#[test]
 fn a_key_drives_while_it_repeats_and_the_robot_stands_when_repeats_end() {
     let mut robot = Seeming::new("drive-repeats");
     let mut terminal = robot.drive(Keys::Plain);

@@ -51,6 +51,26 @@ fn a_pattern_that_matches_nothing_is_allowed_and_named() {
 }
 
 #[test]
+fn a_rule_of_a_mode_that_nobody_has_is_refused_with_the_modes_that_there_are() {
+    let place = Place::new("check-governor");
+    let arbiter = "[robot]\nname = \"x\"\n[nodes.a]\ntype = \"arbiter\"\nperiod_ms = 100\nreads.proposals = \"/actions/*/proposal\"\n\
+                   config.modes = [{ name = \"wander\" }, { name = \"avoid\" }]\n";
+    let governor = "[nodes.g]\ntype = \"governor\"\nperiod_ms = 100\n\
+                    config.rules = [{ when = \"limp >= 1\", mode = \"crawl\" }, { when = \"always\", mode = \"wander\" }]\n";
+    let follow = "reads.governor = \"/coordinator/g/state\"\n";
+    let file = robot_file(&place, "robot.toml", &format!("{arbiter}{follow}{governor}"));
+    let said = place.sinew(&["check", &file]);
+    assert_eq!(said.code, Some(4), "{said:?}");
+    let why = "[nodes.g] config.rules[0].mode: [nodes.a] has no mode \"crawl\"; its modes are wander, avoid";
+    assert!(said.err.contains(&file) && said.err.contains(why), "{said:?}");
+    let file = robot_file(&place, "alone.toml", &format!("{arbiter}{governor}"));
+    let said = place.sinew(&["check", &file]);
+    assert!(said.code == Some(4) && said.err.contains("nobody follows [nodes.g]: add reads.governor"), "{said:?}");
+    let file = robot_file(&place, "good.toml", &format!("{arbiter}{follow}{}", governor.replace("crawl", "avoid")));
+    assert_eq!(place.sinew(&["check", &file]).code, Some(0));
+}
+
+#[test]
 fn a_missing_robot_says_what_to_give() {
     let place = Place::new("check-missing");
     let said = place.sinew(&["check", "nowhere/at/all"]);

@@ -4,7 +4,6 @@ use crate::place::{Channel, Place, Said};
 use messages::{Done, GotoGoal, GotoProgress, GotoResult, Odometry};
 use runtime::calls::{CallPort, Order, OrderPort};
 use runtime::pump::{Pump, PumpBuilder};
-use std::process::Stdio;
 
 struct Driver {
     place: Place,
@@ -27,13 +26,7 @@ impl Driver {
     }
 
     fn during(&mut self, arguments: &[&str], mut each: impl FnMut(&mut Driver)) -> Said {
-        let mut command = self.place.command(arguments);
-        let mut child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
-        while child.try_wait().unwrap().is_none() {
-            each(self);
-            std::thread::yield_now();
-        }
-        Said::of(child.wait_with_output().unwrap())
+        Said::during(self.place.start(arguments), || each(self))
     }
 }
 

@@ -1,6 +1,6 @@
 //! `sinew hz`.
 
-use crate::place::{Channel, Place};
+use crate::place::{Channel, Place, Said};
 use messages::Twist;
 use runtime::clock;
 
@@ -26,17 +26,14 @@ fn the_ring_answers_at_once_with_rate_and_jitter() {
 fn a_window_counts_what_comes_while_it_watches() {
     let place = Place::new("hz-window");
     let mut channel = Channel::make::<Twist>(&place.tree("pioneer"), "/motion/drive/command", 32, 0);
-    let child =
-        place.command(&["hz", "command", "--window", "0.5", "--json"]).stdout(std::process::Stdio::piped()).spawn();
-    let mut child = child.unwrap();
+    let child = place.start(&["hz", "command", "--window", "0.5", "--json"]);
     // Stamps are a hundred a second however unevenly this machine lets the test write.
     let mut stamp_ns = 1_000_000_000;
-    while child.try_wait().unwrap().is_none() {
+    let said = Said::during(child, || {
         channel.write(stamp_ns, &Twist::default(), &[]);
         stamp_ns += 10_000_000;
         clock::sleep_s(0.002);
-    }
-    let said = crate::place::Said::of(child.wait_with_output().unwrap());
+    });
     assert_eq!(said.json()[0]["rate_hz"].as_f64().unwrap().round(), 100.0, "{said:?}");
 }
 

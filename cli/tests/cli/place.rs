@@ -3,7 +3,7 @@
 use messages::{Message, bytemuck};
 use runtime::channel::{Claim, Geometry, RawWriter, Tree};
 use std::path::PathBuf;
-use std::process::{Command, Output, Stdio};
+use std::process::{Child, Command, Output, Stdio};
 
 /// A private folder of robots, removed in the end.
 pub struct Place {
@@ -26,6 +26,11 @@ impl Place {
         command.args(arguments).env("SINEW_SHM", &self.root).env("SINEW_STATE", self.root.join("state"));
         command.env("NO_COLOR", "1").env_remove("CLICOLOR_FORCE").stdin(Stdio::null());
         command
+    }
+
+    /// Starts a command whose words are kept for [`Said::during`].
+    pub fn start(&self, arguments: &[&str]) -> Child {
+        self.command(arguments).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap()
     }
 
     pub fn sinew(&self, arguments: &[&str]) -> Said {
@@ -54,6 +59,15 @@ impl Said {
             out: String::from_utf8(output.stdout).unwrap(),
             err: String::from_utf8(output.stderr).unwrap(),
         }
+    }
+
+    /// What the command says, while the test does `each` as the node that it talks to.
+    pub fn during(mut child: Child, mut each: impl FnMut()) -> Said {
+        while child.try_wait().unwrap().is_none() {
+            each();
+            std::thread::yield_now();
+        }
+        Said::of(child.wait_with_output().unwrap())
     }
 
     pub fn json(&self) -> Vec<serde_json::Value> {

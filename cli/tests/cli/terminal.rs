@@ -36,6 +36,11 @@ impl Terminal {
         Terminal { master, child, keys, screen: String::new() }
     }
 
+    /// Takes the terminal away, as a window that is closed does.
+    pub fn hang_up(&mut self) {
+        self.master = OpenOptions::new().read(true).open("/dev/null").unwrap().into();
+    }
+
     pub fn press(&self, keys: &str) {
         rustix::io::write(&self.master, keys.as_bytes()).unwrap();
     }

@@ -1,13 +1,20 @@
 //! What a laser driver writes: `scan`, `ranges` and `state`.
+//!
+//! A scan whose beams all tell one and the same distance is none: its scanner is covered, or its electronics repeat a word.
+//! Its beams say `fault`.
 
 use super::Mount;
 use messages::{Beam, Echo, LaserScan, LaserState, Link, Ranges, ScanBeam};
-use runtime::{OpenError, Ports, Time, Writer};
+use runtime::{Fault, OpenError, Ports, Time, Writer};
 
 /// More beams than any known scanner sends in one scan.
 pub const MAX_BEAMS: usize = 2048;
 /// Paths are written at least this often [s].
 const REFRESH_S: f64 = 0.4;
+
+/// So many beams that all tell the same distance are no room: none is round to the last digit about the scanner.
+const BLIND_BEAMS: usize = 64;
+const BLIND: Fault = Fault::new("every beam tells the same distance: the scanner is covered or broken");
 
 /// Directions and times of the beams of a scan.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -76,6 +83,7 @@ pub struct Paths {
     scan_written: Time,
     written: Time,
     has_news: bool,
+    is_blind: bool,
     said: Option<(Link, Echo)>,
 }
 
@@ -97,6 +105,7 @@ impl Paths {
             scan_written: Time::ZERO,
             written: Time::ZERO,
             has_news: false,
+            is_blind: false,
             said: None,
         })
     }
@@ -118,10 +127,21 @@ impl Paths {
 
     /// Writes one scan. Stamps that would go back or lie ahead of `now` are moved to where they may be.
     pub fn write(&mut self, now: Time, news: &News) {
+        self.is_blind = is_blind(news.beams);
+        if self.is_blind {
+            return self.say_all(now, news.first, news.sensor_time_s, Echo::Fault);
+        }
+        self.write_beams(now, news);
+    }
+
+    /// What is wrong with the newest scan as a whole.
+    pub fn blind(&self) -> Option<Fault> {
+        self.is_blind.then_some(BLIND)
+    }
+
+    fn write_beams(&mut self, now: Time, news: &News) {
         let first = news.first.min(now).max(self.scan_written);
         let frame = self.frame(news.sensor_time_s);
-        self.scan.write_with_tail(first, &frame, news.beams);
-        self.scan_written = first;
         self.beams.clear();
         let (x_m, y_m) = (self.mount.x_m as f32, self.mount.y_m as f32);
         let places = self.bearings_rad.iter().zip(&self.ages_s);
@@ -140,8 +160,11 @@ impl Paths {
             beam_width_rad: 0.0,
             span_s: self.span_s as f32,
         };
+        // What others wait for goes first.
         self.ranges.write_with_tail(newest, &ranges, &self.beams);
         self.written = newest;
+        self.scan.write_with_tail(first, &frame, news.beams);
+        self.scan_written = first;
         self.has_news = true;
     }
 
@@ -161,13 +184,17 @@ impl Paths {
     }
 
     fn say_missing(&mut self, now: Time, missing: Echo) {
+        self.say_all(now, now.before_s(self.span_s), f64::NAN, missing);
+        self.has_news = false;
+    }
+
+    /// Writes a scan whose beams all say the same reason.
+    fn say_all(&mut self, now: Time, first: Time, sensor_time_s: f64, echo: Echo) {
         let mut beams = std::mem::take(&mut self.missing);
         beams.clear();
-        let beam = ScanBeam { range_m: 0.0, intensity: 0, echo: missing as u16 };
+        let beam = ScanBeam { range_m: 0.0, intensity: 0, echo: echo as u16 };
         beams.extend(std::iter::repeat_n(beam, self.sweep.beams));
-        let first = now.before_s(self.span_s);
-        self.write(now, &News { first, sensor_time_s: f64::NAN, beams: &beams });
-        self.has_news = false;
+        self.write_beams(now, &News { first, sensor_time_s, beams: &beams });
         self.missing = beams;
     }
 
@@ -187,6 +214,14 @@ impl Paths {
             upside_down: u32::from(self.mount.upside_down),
         }
     }
+}
+
+/// Whether all beams tell the same distance.
+fn is_blind(beams: &[ScanBeam]) -> bool {
+    let [first, others @ ..] = beams else { return false };
+    beams.len() >= BLIND_BEAMS
+        && first.echo == Echo::Value as u16
+        && others.iter().all(|beam| beam.echo == first.echo && beam.range_m == first.range_m)
 }
 
 #[cfg(test)]

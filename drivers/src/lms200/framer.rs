@@ -1,6 +1,6 @@
 //! Finds telegrams in a stream of bytes.
 
-use super::protocol::{FROM_LASER, MAX_BODY, MAX_TELEGRAM, OVERHEAD, STX, crc};
+use super::protocol::{ACK, FROM_LASER, MAX_BODY, MAX_TELEGRAM, NAK, OVERHEAD, STX, crc};
 
 /// An incremental, bounded telegram finder: bytes in, bodies out, whatever stands between them.
 ///
@@ -14,13 +14,28 @@ pub struct Framer {
     telegrams: u64,
     sum_errors: u64,
     skipped_bytes: u64,
+    acknowledged: u64,
+    refused: u64,
 }
 
 impl Framer {
     /// Finds what a laser says, or what a client says to one.
     pub fn new(from_laser: bool) -> Framer {
-        let held = Vec::with_capacity(MAX_TELEGRAM);
-        Framer { held, returned: 0, from_laser, telegrams: 0, sum_errors: 0, skipped_bytes: 0 }
+        Framer { held: Vec::with_capacity(MAX_TELEGRAM), from_laser, ..Framer::idle() }
+    }
+
+    /// One that holds no memory, to stand in for another for a moment.
+    pub const fn idle() -> Framer {
+        Framer {
+            held: Vec::new(),
+            returned: 0,
+            from_laser: false,
+            telegrams: 0,
+            sum_errors: 0,
+            skipped_bytes: 0,
+            acknowledged: 0,
+            refused: 0,
+        }
     }
 
     /// Takes bytes off the front of `input` until a telegram is complete and returns its body; `None` when all the input
@@ -78,9 +93,14 @@ impl Framer {
         self.sum_errors
     }
 
-    /// Bytes that belonged to no telegram; a laser's acknowledgements are among them.
+    /// Bytes that belonged to no telegram, a laser's acknowledgements left out.
     pub fn skipped_bytes(&self) -> u64 {
         self.skipped_bytes
+    }
+
+    /// Single bytes between telegrams by which a laser says that it takes a telegram, and that it refuses one.
+    pub fn answers(&self) -> (u64, u64) {
+        (self.acknowledged, self.refused)
     }
 
     fn look(&mut self) -> Look {
@@ -113,6 +133,15 @@ impl Framer {
 
     /// Skips the first byte and all up to the next one that may begin a telegram.
     fn skip(&mut self) {
+        match *self.held.as_slice() {
+            [ACK] if self.from_laser => self.acknowledged += 1,
+            [NAK] if self.from_laser => self.refused += 1,
+            _ => return self.skip_junk(),
+        }
+        self.held.clear();
+    }
+
+    fn skip_junk(&mut self) {
         let junk = self.held.iter().skip(1).position(|byte| *byte == STX).map_or(self.held.len(), |at| at + 1);
         self.skipped_bytes += junk as u64;
         self.held.drain(..junk);
@@ -152,7 +181,8 @@ mod tests {
                 }
             }
             assert_eq!(found, [vec![0xA0, 0, 0x10], vec![0xB0, 1, 0, 9, 0, 0x10], vec![0xBA, 1]], "cut {cut}");
-            assert!(framer.sum_errors() >= 1 && framer.skipped_bytes() >= 6);
+            assert!(framer.sum_errors() >= 1 && framer.skipped_bytes() >= 5);
+            assert!(framer.answers().0 >= 1);
         }
     }
 }

@@ -1,9 +1,25 @@
-//! SICK LMS 2xx: telegrams, without any session yet.
+//! SICK LMS 2xx (LMS 200, 211, 220, 221, 291) over a serial line, TCP or a pseudo-terminal.
 //!
 //! | file | what |
 //! |---|---|
-//! | [`protocol`] | frame, sum, commands, scans |
-//! | [`framer`] | telegrams in a stream of bytes |
+//! | [`protocol`], [`framer`] | telegrams: frame, sum, commands, scans |
+//! | [`model`] | variants, configuration, status, and what values mean |
+//! | [`clock`] | the mirror as a clock: scans on our time |
+//! | [`session`] | start-up at any rate, streaming, recovery |
+//! | [`settings`], [`Lms200`] | the node |
+//! | [`conformance`] | what every laser at the other end must do |
+//!
+//! All but the node is pure. `protocol` and `model` serve both ends: a simulated laser uses the same files.
 
+pub mod clock;
+pub mod conformance;
 pub mod framer;
+pub mod model;
+mod node;
+mod phases;
 pub mod protocol;
+pub mod session;
+pub mod settings;
+
+pub use node::Lms200;
+pub use settings::Lms200Config;

@@ -16,6 +16,8 @@ pub const FROM_LASER: u8 = 0x80;
 pub const OVERHEAD: usize = 6;
 /// Longest body that any command or answer has: 401 values and what stands around them.
 pub const MAX_BODY: usize = 1024;
+/// Longest telegram that a client sends: a configuration.
+pub const MAX_REQUEST: usize = 48;
 /// Longest telegram.
 pub const MAX_TELEGRAM: usize = MAX_BODY + OVERHEAD;
 /// Time of a turn of the mirror: 75 Hz [s].
@@ -82,18 +84,29 @@ pub fn crc(bytes: &[u8]) -> u16 {
     sum
 }
 
-/// Appends the telegram of `body` to or from `address`. Longer bodies than [`MAX_BODY`] are refused: false.
-pub fn push(out: &mut Vec<u8>, address: u8, body: &[u8]) -> bool {
-    if body.is_empty() || body.len() > MAX_BODY {
-        return false;
+/// Writes the telegram of `body` to or from `address`; its length, 0 where it does not fit or the body is empty or longer
+/// than [`MAX_BODY`].
+pub fn encode(out: &mut [u8], address: u8, body: &[u8]) -> usize {
+    let length = body.len() + OVERHEAD;
+    if body.is_empty() || body.len() > MAX_BODY || out.len() < length {
+        return 0;
     }
+    out[0] = STX;
+    out[1] = address;
+    out[2..4].copy_from_slice(&(body.len() as u16).to_le_bytes());
+    out[4..length - 2].copy_from_slice(body);
+    let sum = crc(&out[..length - 2]);
+    out[length - 2..length].copy_from_slice(&sum.to_le_bytes());
+    length
+}
+
+/// Appends the telegram of `body`; false where it cannot be one, see [`encode`].
+pub fn push(out: &mut Vec<u8>, address: u8, body: &[u8]) -> bool {
     let start = out.len();
-    out.extend_from_slice(&[STX, address]);
-    out.extend_from_slice(&(body.len() as u16).to_le_bytes());
-    out.extend_from_slice(body);
-    let sum = crc(&out[start..]);
-    out.extend_from_slice(&sum.to_le_bytes());
-    true
+    out.resize(start + body.len() + OVERHEAD, 0);
+    let length = encode(&mut out[start..], address, body);
+    out.truncate(start + length);
+    length > 0
 }
 
 /// The unit of a scan's values.
@@ -156,7 +169,8 @@ impl<'a> Scan<'a> {
             [status] | [_, status] => *status,
             _ => return None,
         };
-        let sound = count > 0 && first > 0 && first - 1 + count <= MAX_VALUES;
+        // Bit 13: a turn of an interlaced scan alone, which nobody here asks for.
+        let sound = word & 0x2000 == 0 && count > 0 && first > 0 && first - 1 + count <= MAX_VALUES;
         let unit = Unit::of((word >> 14) as u8)?;
         sound.then_some(Scan { first: first - 1, unit, values, status })
     }

@@ -32,8 +32,8 @@ use super::protocol::{Argument, HALT_PACKETS, LAST_WILL, MAX_PACKET, STOP_PACKET
 use super::session::{Demand, Port, Session};
 use super::settings::P2osConfig;
 use super::sip::Identity;
+use crate::port::line_baud;
 use messages::{Command, Done, Message, Sound, Switch, Trigger};
-use runtime::device::Address;
 use runtime::{Body, CallPort, Device, Fault, Layer, Node, OpenError, Ports, Reader, Request, StopLatch, Time};
 
 /// A SONAR command that the robot does not follow is repeated this often [s].
@@ -98,11 +98,7 @@ impl Node for P2os {
         settings.check()?;
         let device = ports.device(&settings.device)?;
         device.will(LAST_WILL);
-        let line_baud = match device.address() {
-            Address::Serial { baud, .. } => Some(*baud),
-            Address::Memory { baud, .. } => *baud,
-            _ => None,
-        };
+        let line_baud = line_baud(&device);
         Ok(P2os {
             session: Session::new(settings.session(line_baud)),
             base: Base::new(&settings),

@@ -3,15 +3,12 @@
 use super::config::ConfigPacket;
 use super::protocol::{Argument, Framer, command, packet};
 use super::queue::Queue;
-use super::session::{Demand, Event, Port, SessionConfig};
+use super::session::{Event, Port, SessionConfig};
 use super::sip::{EncoderTicks, Identity, Sip};
+use crate::contact::Contact;
 use messages::Link;
 use runtime::Time;
 
-/// Misses after which the port is opened anew, unless there are more line speeds to try before.
-const MISSES_PER_REOPEN: u32 = 5;
-/// Misses after which the next line speed is tried.
-const MISSES_PER_BAUD: u32 = 2;
 /// CONFIG is asked for this often, at this interval [s].
 const CONFIG_TRIES: u32 = 5;
 const CONFIG_INTERVAL_S: f64 = 0.2;
@@ -24,8 +21,7 @@ const REFUSED_S: f64 = 5.0;
 pub struct Core {
     config: SessionConfig,
     pub phase: Phase,
-    pub port: Port,
-    pub link: Link,
+    pub contact: Contact,
     pub identity: Identity,
     pub queue: Queue,
     /// When the phase began and when it gives up.
@@ -36,19 +32,12 @@ pub struct Core {
     pub next_send: Time,
     pub last_sent: Time,
     pub pulse_s: f64,
-    misses: u32,
     pub connections: u32,
     config_tries: u32,
     config_at: Time,
     /// Packets and skipped bytes when the handshake began: tells "nothing" from "something foreign".
     packets_before: u64,
     skipped_before: u64,
-    pub demand: Option<Demand>,
-    baud_index: usize,
-    /// The line's speed as it is set now.
-    line_baud: Option<u32>,
-    /// The port was open and is being opened anew at our own wish.
-    is_reopening: bool,
     /// Who a predecessor has found at the other end of the line that is handed over.
     inherits: Option<Identity>,
 }
@@ -71,12 +60,11 @@ pub enum Phase {
 impl Core {
     /// In [`Phase::Down`].
     pub fn new(config: SessionConfig) -> Core {
-        let (pulse_s, line_baud) = (config.pulse_s, config.line_baud);
+        let pulse_s = config.pulse_s;
         Core {
+            contact: Contact::new(config.line_baud, config.hunt_bauds.clone()),
             config,
             phase: Phase::Down,
-            port: Port::Closed,
-            link: Link::Connecting,
             identity: Identity::default(),
             queue: Queue::new(),
             since: Time::ZERO,
@@ -86,29 +74,18 @@ impl Core {
             next_send: Time::ZERO,
             last_sent: Time::ZERO,
             pulse_s,
-            misses: 0,
             connections: 0,
             config_tries: 0,
             config_at: Time::ZERO,
             packets_before: 0,
             skipped_before: 0,
-            demand: None,
-            baud_index: 0,
-            line_baud,
-            is_reopening: false,
             inherits: None,
         }
     }
 
     /// The port's state has changed.
     pub fn port(&mut self, now: Time, port: Port, framer: &Framer) {
-        let before = std::mem::replace(&mut self.port, port);
-        if let Port::Open(_) = port {
-            // A new link begins at the port's own speed.
-            (self.misses, self.baud_index, self.line_baud) = (0, 0, self.config.line_baud);
-            if !std::mem::take(&mut self.is_reopening) {
-                self.link = Link::Connecting;
-            }
+        if self.contact.moved(port) {
             return match self.inherits.take() {
                 Some(identity) if (self.config.knows)(&identity) => self.go_on(now, identity),
                 _ => self.begin(now, framer),
@@ -116,20 +93,6 @@ impl Core {
         }
         self.phase = Phase::Down;
         self.queue.clear();
-        self.link = match (before, port) {
-            // We closed it ourselves: what was wrong still is.
-            (Port::Open(_), _) if self.is_reopening => self.link,
-            (Port::Open(_), _) => Link::Lost,
-            _ if self.link == Link::Lost => Link::Lost,
-            (_, Port::Closed) => {
-                self.is_reopening = false;
-                Link::NoPort
-            }
-            _ if self.is_reopening => self.link,
-            // Another try at a port that could not be opened: until it is open, it could not.
-            (Port::Closed, Port::Opening) if self.link == Link::NoPort => Link::NoPort,
-            _ => Link::Connecting,
-        };
     }
 
     fn enter(&mut self, now: Time, phase: Phase, timeout_s: f64) {
@@ -192,7 +155,7 @@ impl Core {
             Phase::Running => {
                 // A robot that echoes PULSE has restarted and waits for its handshake.
                 if kind <= command::SYNC2 && now.since(self.since) > self.config.sync_timeout_s {
-                    self.link = Link::Silent;
+                    self.contact.link = Link::Silent;
                     self.queue.clear();
                     self.queue.push(command::STOP, Argument::None);
                     self.sync(now, 0);
@@ -209,7 +172,7 @@ impl Core {
         }
         self.identity = Identity::parse(payload).unwrap_or_default();
         if !(self.config.knows)(&self.identity) {
-            self.link = Link::Foreign;
+            self.contact.link = Link::Foreign;
             return self.enter(now, Phase::Closing, REFUSED_S);
         }
         self.queue.push(command::OPEN, Argument::Integer(1));
@@ -218,9 +181,8 @@ impl Core {
 
     fn connected(&mut self, now: Time) {
         self.enter(now, Phase::Running, 0.0);
-        self.link = Link::Up;
+        self.contact.up();
         self.connections = self.connections.saturating_add(1);
-        self.misses = 0;
         self.last_sip = now;
         self.pulse_s = self.config.pulse_s;
         self.config_tries = if self.config.asks_config { CONFIG_TRIES } else { 0 };
@@ -252,7 +214,7 @@ impl Core {
             Phase::Sync(_) | Phase::Opening if now >= self.deadline => self.miss(now, framer),
             Phase::Closing if now >= self.deadline => self.sync(now, 0),
             Phase::Running if now.since(self.last_sip) > self.config.silence_s => {
-                self.link = Link::Silent;
+                self.contact.link = Link::Silent;
                 self.begin(now, framer);
             }
             Phase::Running if self.config_tries > 0 && now >= self.config_at => {
@@ -266,27 +228,16 @@ impl Core {
 
     /// An answer did not come.
     fn miss(&mut self, now: Time, framer: &Framer) {
-        self.misses = self.misses.saturating_add(1);
         let packets = framer.packets() > self.packets_before;
         let junk = framer.skipped_bytes() > self.skipped_before || framer.is_inside_packet();
         // Junk alone, or a handshake that the other end begins and never ends: something else lives there.
-        self.link = if junk && !packets { Link::Foreign } else { Link::Silent };
-        let speeds = self.config.hunt_bauds.len() as u32;
-        if self.misses.is_multiple_of(MISSES_PER_REOPEN.max((speeds + 1) * MISSES_PER_BAUD)) {
-            self.is_reopening = true;
-            self.demand = Some(Demand::Reopen);
-        } else if self.misses.is_multiple_of(MISSES_PER_BAUD) && !self.config.hunt_bauds.is_empty() {
-            self.baud_index = (self.baud_index + 1) % self.config.hunt_bauds.len();
-            let baud = self.config.hunt_bauds[self.baud_index];
-            self.line_baud = Some(baud);
-            self.demand = Some(Demand::Baud(baud));
-        }
+        self.contact.miss(junk && !packets);
         self.begin(now, framer);
     }
 
     pub fn sent(&mut self, now: Time, bytes: usize) {
         // Ten bits per byte on the line; a packet is due when the line has taken the one before.
-        let line_s = self.line_baud.map_or(0.0, |baud| bytes as f64 * 10.0 / f64::from(baud.max(1)));
+        let line_s = self.contact.baud().map_or(0.0, |baud| bytes as f64 * 10.0 / f64::from(baud.max(1)));
         self.last_sent = now;
         self.next_send = now.after_s(self.config.spacing_s.max(line_s));
     }

@@ -90,7 +90,7 @@ impl Session {
 
     /// Tells what the port is doing; call it before [`receive`](Session::receive).
     pub fn port(&mut self, now: Time, port: Port) {
-        if port != self.core.port {
+        if port != self.core.contact.port() {
             self.framer.clear();
             self.core.port(now, port, &self.framer);
         }
@@ -123,7 +123,7 @@ impl Session {
             self.receive(now, &[], on_event);
         }
         self.core.tick(now, &self.framer);
-        self.core.demand.take()
+        self.core.contact.take_demand()
     }
 
     /// Whether a packet may be sent now: the port is open and the last one is long enough ago.
@@ -179,7 +179,7 @@ impl Session {
 
     /// State of the link, and why there are no data.
     pub fn link(&self) -> Link {
-        self.core.link
+        self.core.contact.link
     }
 
     /// Who answered last.

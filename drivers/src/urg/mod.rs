@@ -8,10 +8,12 @@
 //! | [`clock`] | the scanner's time on ours |
 //! | [`session`] | start-up, streaming, recovery |
 //! | [`settings`], [`Urg`] | the node |
+//! | [`conformance`] | what every scanner at the other end must do |
 //!
 //! All but the node is pure. `protocol` and `model` serve both ends: a simulated scanner uses the same files.
 
 pub mod clock;
+pub mod conformance;
 pub mod framer;
 pub mod model;
 mod node;

@@ -12,9 +12,9 @@
 
 use super::session::{Event, Port, Session};
 use super::settings::UrgConfig;
-use crate::laser::{News, Paths};
+use crate::laser::{News, Paths, SaidOnce};
+use crate::port::line_baud;
 use messages::{Echo, LaserState, Link};
-use runtime::device::Address;
 use runtime::{Device, Fault, Layer, Node, OpenError, Ports, Time};
 
 const FOREIGN: Fault = Fault::new("what answers is no scanner of the wanted model, or measures nothing");
@@ -25,7 +25,7 @@ pub struct Urg {
     device: Device,
     session: Session,
     paths: Paths,
-    said: Option<Fault>,
+    said: SaidOnce,
     received: Box<[u8; 4096]>,
 }
 
@@ -37,16 +37,12 @@ impl Node for Urg {
     fn open(ports: &mut Ports, settings: UrgConfig) -> Result<Urg, OpenError> {
         settings.check()?;
         let device = ports.device(&settings.device)?;
-        let line_baud = match device.address() {
-            Address::Serial { baud, .. } => Some(*baud),
-            Address::Memory { baud, .. } => *baud,
-            _ => None,
-        };
+        let line_baud = line_baud(&device);
         Ok(Urg {
             session: Session::new(settings.session(line_baud)),
             paths: Paths::open(ports, settings.mount)?,
             device,
-            said: None,
+            said: SaidOnce::default(),
             received: Box::new([0; 4096]),
         })
     }
@@ -111,13 +107,11 @@ impl Urg {
 
     /// What is wrong with the scanner itself, once until it changes.
     fn fault(&mut self) -> Result<(), Fault> {
-        let fault = match self.session.link() {
-            Link::Foreign => Some(FOREIGN),
-            _ if self.session.is_faulty() => Some(FAULTY),
-            Link::Up => None,
-            _ => self.said,
-        };
-        let before = std::mem::replace(&mut self.said, fault);
-        if before == fault { Ok(()) } else { fault.map_or(Ok(()), Err) }
+        match self.session.link() {
+            Link::Foreign => self.said.now(Some(FOREIGN)),
+            _ if self.session.is_faulty() => self.said.now(Some(FAULTY)),
+            Link::Up => self.said.now(self.paths.blind()),
+            _ => Ok(()),
+        }
     }
 }

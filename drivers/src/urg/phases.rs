@@ -3,17 +3,14 @@
 use super::clock::SensorClock;
 use super::model::Sensor;
 use super::protocol::{Area, Reply, Request, checked, decode, parse_scan, status};
-use super::session::{Demand, Event, Port, SessionConfig};
+use super::session::{Event, Port, SessionConfig};
+use crate::contact::Contact;
 use crate::laser::MAX_BEAMS;
 use messages::{Link, ScanBeam};
 use runtime::Time;
 
 /// Times that the scanner's clock is asked for.
 const CLOCK_QUESTIONS: u8 = 5;
-/// Misses after which the port is opened anew, unless there are more line rates to try before.
-const MISSES_PER_REOPEN: u32 = 5;
-/// Misses after which the next line rate is tried.
-const MISSES_PER_BAUD: u32 = 2;
 /// Time before a scanner that cannot be used, or said that it cannot measure, is asked again [s].
 const PAUSE_S: f64 = 5.0;
 
@@ -53,8 +50,7 @@ pub enum Phase {
 pub struct Core {
     config: SessionConfig,
     pub phase: Phase,
-    pub port: Port,
-    pub link: Link,
+    pub contact: Contact,
     pub sensor: Option<Sensor>,
     pub clock: SensorClock,
     pub status: u32,
@@ -62,7 +58,6 @@ pub struct Core {
     pub connections: u32,
     pub scans: u32,
     pub damaged: u32,
-    pub demand: Option<Demand>,
     pub skipped_before: u64,
     /// What waits to be sent, and what was sent and is not answered.
     waiting: Option<Request>,
@@ -71,11 +66,9 @@ pub struct Core {
     deadline: Time,
     last_scan: Time,
     area: Area,
-    misses: u32,
     heard: bool,
-    baud_index: usize,
-    line_baud: Option<u32>,
-    is_reopening: bool,
+    /// Messages since the last whole scan that were none.
+    misfits: u32,
     scratch: Vec<u8>,
     values: Vec<(u32, u32)>,
     beams: Vec<ScanBeam>,
@@ -84,12 +77,10 @@ pub struct Core {
 impl Core {
     /// In [`Phase::Down`].
     pub fn new(config: SessionConfig) -> Core {
-        let line_baud = config.line_baud;
         Core {
+            contact: Contact::new(config.line_baud, config.hunt_bauds.clone()),
             config,
             phase: Phase::Down,
-            port: Port::Closed,
-            link: Link::Connecting,
             sensor: None,
             clock: SensorClock::default(),
             status: 0,
@@ -97,7 +88,6 @@ impl Core {
             connections: 0,
             scans: 0,
             damaged: 0,
-            demand: None,
             skipped_before: 0,
             waiting: None,
             asked: None,
@@ -105,11 +95,8 @@ impl Core {
             deadline: Time::ZERO,
             last_scan: Time::ZERO,
             area: Area { start: 0, end: 0, cluster: 1 },
-            misses: 0,
             heard: false,
-            baud_index: 0,
-            line_baud,
-            is_reopening: false,
+            misfits: 0,
             scratch: Vec::with_capacity(MAX_BEAMS * 6),
             values: Vec::with_capacity(MAX_BEAMS),
             beams: Vec::with_capacity(MAX_BEAMS),
@@ -118,34 +105,16 @@ impl Core {
 
     /// The port's state has changed.
     pub fn port(&mut self, now: Time, port: Port, skipped: u64) {
-        let before = std::mem::replace(&mut self.port, port);
-        if let Port::Open(_) = port {
-            // A new link begins at the port's own rate.
-            (self.misses, self.baud_index, self.line_baud) = (0, 0, self.config.line_baud);
-            if !std::mem::take(&mut self.is_reopening) {
-                self.link = Link::Connecting;
-            }
+        if self.contact.moved(port) {
             return self.begin(now, skipped);
         }
         self.phase = Phase::Down;
         (self.waiting, self.asked, self.is_faulty) = (None, None, false);
-        self.link = match (before, port) {
-            // We closed it ourselves: what was wrong still is.
-            (Port::Open(_), _) if self.is_reopening => self.link,
-            (Port::Open(_), _) => Link::Lost,
-            _ if self.link == Link::Lost => Link::Lost,
-            (_, Port::Closed) => {
-                self.is_reopening = false;
-                Link::NoPort
-            }
-            _ if self.is_reopening => self.link,
-            _ => Link::Connecting,
-        };
     }
 
     /// From the top.
     fn begin(&mut self, now: Time, skipped: u64) {
-        (self.heard, self.skipped_before) = (false, skipped);
+        (self.heard, self.misfits, self.skipped_before) = (false, 0, skipped);
         self.is_faulty = false;
         self.clock.restart();
         // The empty line ends what an earlier client may have left half-written.
@@ -160,7 +129,7 @@ impl Core {
 
     fn pause(&mut self, now: Time, link: Link) {
         self.phase = Phase::Pause;
-        (self.link, self.waiting, self.asked) = (link, None, None);
+        (self.contact.link, self.waiting, self.asked) = (link, None, None);
         self.deadline = now.after_s(PAUSE_S);
     }
 
@@ -191,7 +160,7 @@ impl Core {
                 // A late scan of an earlier stream, or an answer to another client.
                 _ => {}
             },
-            (_, None) => self.damaged = self.damaged.saturating_add(1),
+            (_, None) => self.misfit(),
         }
     }
 
@@ -202,7 +171,7 @@ impl Core {
             Phase::Dialect => self.ask(now, Phase::Version, Request::new(b"VV")),
             Phase::Version => self.ask(now, Phase::Parameters, Request::new(b"PP")),
             Phase::Parameters => match self.config.fast_baud {
-                Some(baud) if self.line_baud.is_some_and(|line| line != baud) => {
+                Some(baud) if self.contact.baud().is_some_and(|line| line != baud) => {
                     self.ask(now, Phase::Rate, Request::baud(baud));
                 }
                 _ => self.ask(now, Phase::ClockOn, Request::new(b"TM0")),
@@ -231,8 +200,7 @@ impl Core {
             Phase::Parameters => self.parameters(now, reply),
             Phase::Rate => {
                 if is_well && let Some(baud) = self.config.fast_baud {
-                    self.line_baud = Some(baud);
-                    self.demand = Some(Demand::Baud(baud));
+                    self.contact.switch(baud);
                 }
                 self.next_question(now);
             }
@@ -274,9 +242,8 @@ impl Core {
         match reply.status {
             status::OK => {
                 self.phase = Phase::Running;
-                (self.link, self.misses, self.last_scan) = (Link::Up, 0, now);
+                self.last_scan = now;
                 (self.status, self.is_faulty) = (0, false);
-                self.connections = self.connections.saturating_add(1);
                 on_event(Event::Connected(&sensor, self.area));
             }
             status::SCAN if self.phase == Phase::Running => {
@@ -287,14 +254,16 @@ impl Core {
                         self.beams.clear();
                         self.beams.extend(self.values.iter().map(|(value, intensity)| sensor.beam(*value, *intensity)));
                         self.last_scan = now;
+                        // Up with its first sound scan, so that one whose scans are none never looks well.
+                        self.connections = self.connections.saturating_add(u32::from(self.contact.up()));
                         self.scans = self.scans.saturating_add(1);
-                        self.is_faulty = false;
+                        (self.is_faulty, self.misfits) = (false, 0);
                         let span_s = sensor.delay_s(self.area.end);
                         let (begun, sensor_time_s) = self.clock.scan(stamp, arrived, span_s);
                         let first_s = sensor.delay_s(self.area.start);
                         on_event(Event::Scan(begun.after_s(first_s), sensor_time_s + first_s, &self.beams));
                     }
-                    Err(_) => self.damaged = self.damaged.saturating_add(1),
+                    Err(_) => self.misfit(),
                 }
             }
             status::SCAN => {}
@@ -310,6 +279,12 @@ impl Core {
         }
     }
 
+    /// A message that is damaged, or says what it cannot say.
+    fn misfit(&mut self) {
+        self.damaged = self.damaged.saturating_add(1);
+        self.misfits = self.misfits.saturating_add(1);
+    }
+
     /// The scanner says that it cannot measure.
     fn fault(&mut self, now: Time) {
         self.pause(now, Link::Up);
@@ -320,7 +295,7 @@ impl Core {
         match self.phase {
             Phase::Down => {}
             Phase::Running if now.since(self.last_scan) > self.config.silence_s => {
-                self.link = Link::Silent;
+                self.contact.link = if self.misfits > 0 { Link::Foreign } else { Link::Silent };
                 self.begin(now, skipped);
             }
             Phase::Running => {}
@@ -334,19 +309,8 @@ impl Core {
 
     /// An answer did not come.
     fn miss(&mut self, now: Time, junk: bool, skipped: u64) {
-        self.misses = self.misses.saturating_add(1);
         // Junk alone: something else lives there.
-        self.link = if junk && !self.heard { Link::Foreign } else { Link::Silent };
-        let rates = self.config.hunt_bauds.len() as u32;
-        if self.misses.is_multiple_of(MISSES_PER_REOPEN.max((rates + 1) * MISSES_PER_BAUD)) {
-            self.is_reopening = true;
-            self.demand = Some(Demand::Reopen);
-        } else if self.misses.is_multiple_of(MISSES_PER_BAUD) && !self.config.hunt_bauds.is_empty() {
-            self.baud_index = (self.baud_index + 1) % self.config.hunt_bauds.len();
-            let baud = self.config.hunt_bauds[self.baud_index];
-            self.line_baud = Some(baud);
-            self.demand = Some(Demand::Baud(baud));
-        }
+        self.contact.miss(junk && !self.heard);
         self.begin(now, skipped);
     }
 }

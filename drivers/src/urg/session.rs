@@ -90,7 +90,7 @@ impl Session {
 
     /// Tells what the port is doing; call it before [`receive`](Session::receive).
     pub fn port(&mut self, now: Time, port: Port) {
-        if port != self.core.port {
+        if port != self.core.contact.port() {
             self.framer.clear();
             self.core.port(now, port, self.framer.skipped_bytes());
         }
@@ -107,7 +107,7 @@ impl Session {
     pub fn tick(&mut self, now: Time) -> Option<Demand> {
         let junk = self.framer.skipped_bytes() > self.core.skipped_before || self.framer.is_inside_message();
         self.core.tick(now, junk, self.framer.skipped_bytes());
-        self.core.demand.take()
+        self.core.contact.take_demand()
     }
 
     /// The request that goes out now, if one waits.
@@ -122,7 +122,7 @@ impl Session {
 
     /// State of the link, and why there are no data.
     pub fn link(&self) -> Link {
-        self.core.link
+        self.core.contact.link
     }
 
     /// The scanner's last status that was not "all well", as its two characters; 0 for none.

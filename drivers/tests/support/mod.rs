@@ -1,5 +1,6 @@
 //! What several test files share.
 #![allow(dead_code, clippy::unwrap_used, reason = "each test file uses its part; a test fails by panicking")]
 
+pub mod lasers;
 pub mod recording;
 pub mod robot;

@@ -17,6 +17,7 @@ macro_rules! every_message {
             GotoPath
             GotoProgress
             GotoResult
+            Governance
             Image
             InputCursor
             LaserScan

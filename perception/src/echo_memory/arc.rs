@@ -89,6 +89,27 @@ pub(super) struct Free {
 }
 
 impl Free {
+    /// Whether it can deny anything within `room_m` of a place; true more often than need be.
+    pub(super) fn sees_into(&self, x_m: f64, y_m: f64, room_m: f64) -> bool {
+        let (dx, dy) = (x_m - self.x_m, y_m - self.y_m);
+        let along_m = dx * self.axis_x + dy * self.axis_y;
+        let most_m = self.reach_m + room_m;
+        let away_sq = dx * dx + dy * dy;
+        // The nearest edge of the disc to the axis: along + room ≥ cos·(away − room), without a root.
+        let slack_m = along_m + room_m * (1.0 + self.cos_sure);
+        let abreast = self.cos_sure > 0.0 && slack_m * slack_m < self.cos_sure * self.cos_sure * away_sq;
+        along_m > -room_m && away_sq < most_m * most_m && !abreast
+    }
+
+    /// Whether it can deny a place, whatever the look; true more often than need be.
+    pub(super) fn may_deny(&self, x_m: f64, y_m: f64) -> bool {
+        let (dx, dy) = (x_m - self.x_m, y_m - self.y_m);
+        let along_m = dx * self.axis_x + dy * self.axis_y;
+        // A little less than the cone's cosine, squared; a cone of more than half a turn denies all around.
+        let cos = (self.cos_sure - 1e-9).max(0.0);
+        (along_m > 0.0) & (along_m <= self.reach_m) & (along_m * along_m >= cos * cos * (dx * dx + dy * dy))
+    }
+
     /// Whether a place is said to be free by somebody who looked along about the unit vector (`look_x`, `look_y`).
     pub(super) fn denies(&self, x_m: f64, y_m: f64, look_x: f64, look_y: f64, cos_askance: f64) -> bool {
         let (dx, dy) = (x_m - self.x_m, y_m - self.y_m);

@@ -15,6 +15,7 @@
 mod arc;
 mod config;
 mod reading;
+mod spots;
 #[cfg(test)]
 mod tests;
 
@@ -25,19 +26,26 @@ use arc::{Arc, Free, Spot, near};
 use messages::{Beam, Echo, Ranges};
 use reading::{Heard, Reading};
 use runtime::{Time, math};
+use spots::Spots;
 
 /// Readings that are recalled.
 const RECALLED: usize = 512;
+/// Far more than rounding moves a place [m].
+const ROUNDING_M: f64 = 1e-6;
 /// So many of them must deny a place before it counts as free: one may be a lost echo.
 const DENIALS: usize = 2;
 
 /// The memory.
 #[derive(Debug)]
 pub struct EchoMemory {
-    spots: Vec<Spot>,
+    spots: Spots,
     /// The last readings, in a ring.
     recalled: Vec<Free>,
     next: usize,
+    /// Indices of the spots about the arc that is being added, in order.
+    about: Vec<usize>,
+    /// Indices of the readings that may have seen it free, in order.
+    witnesses: Vec<usize>,
     config: MemoryConfig,
     cos_askance: f64,
     lost: u64,
@@ -47,8 +55,9 @@ impl EchoMemory {
     /// Empty, with all the room it will ever take.
     pub fn new(config: MemoryConfig) -> EchoMemory {
         let cos_askance = math::cos(config.denies_askance_rad);
-        let (spots, recalled) = (Vec::with_capacity(config.capacity), Vec::with_capacity(RECALLED));
-        EchoMemory { spots, recalled, next: 0, config, cos_askance, lost: 0 }
+        let (spots, recalled) = (Spots::new(config.capacity), Vec::with_capacity(RECALLED));
+        let (about, witnesses) = (Vec::with_capacity(config.capacity), Vec::with_capacity(RECALLED));
+        EchoMemory { spots, recalled, next: 0, about, witnesses, config, cos_askance, lost: 0 }
     }
 
     /// Number of spots.
@@ -58,7 +67,7 @@ impl EchoMemory {
 
     /// Whether nothing is remembered.
     pub fn is_empty(&self) -> bool {
-        self.spots.is_empty()
+        self.spots.len() == 0
     }
 
     /// Forgets everything.
@@ -116,7 +125,7 @@ impl EchoMemory {
 
     /// Hands every spot as a beam of the body at `place`, with its age at `now`, to `each`.
     pub fn each(&self, now: Time, place: &Place, mut each: impl FnMut(Beam)) {
-        for spot in &self.spots {
+        for spot in self.spots.iter() {
             let (x_m, y_m) = place.inward(spot.x_m, spot.y_m);
             each(Beam {
                 origin_x_m: 0.0,
@@ -133,13 +142,20 @@ impl EchoMemory {
         if free.reach_m <= 0.0 {
             return;
         }
-        let cos_askance = self.cos_askance;
-        self.spots.retain_mut(|spot| {
-            if free.denies(spot.x_m, spot.y_m, spot.look_x, spot.look_y, cos_askance) {
+        let EchoMemory { spots, about, cos_askance, .. } = self;
+        spots.find(about, |x_m, y_m| free.may_deny(x_m, y_m));
+        let mut forgotten = false;
+        for &k in about.iter() {
+            let mut spot = spots[k];
+            if free.denies(spot.x_m, spot.y_m, spot.look_x, spot.look_y, *cos_askance) {
                 spot.confirmations -= 1;
+                forgotten |= spot.confirmations == 0;
+                spots.set(k, spot);
             }
-            spot.confirmations > 0
-        });
+        }
+        if forgotten {
+            spots.retain(|spot| spot.confirmations > 0);
+        }
     }
 
     fn recall(&mut self, free: Free) {
@@ -154,26 +170,52 @@ impl EchoMemory {
         self.next = (self.next + 1) % RECALLED;
     }
 
-    /// Whether earlier readings leave it open that something is at a new spot.
+    /// Gathers the readings that may deny a spot of an arc of width `width_rad`: all that see into the disc around it.
+    fn call_witnesses(&mut self, time: Time, arc: &Arc, width_rad: f64) {
+        let EchoMemory { recalled, witnesses, config, .. } = self;
+        let (x_m, y_m) = (arc.x_m + arc.radius_m * arc.axis_x, arc.y_m + arc.radius_m * arc.axis_y);
+        let room_m = 0.5 * width_rad * arc.radius_m + ROUNDING_M;
+        witnesses.clear();
+        let see = |free: &Free| free.sees_into(x_m, y_m, room_m) && time.since(free.time) <= config.recall_s;
+        witnesses.extend(recalled.iter().enumerate().filter(|(_, free)| see(free)).map(|(k, _)| k));
+    }
+
+    /// Whether the readings that were called leave it open that something is at a new spot.
     fn is_open(&self, new: &Spot) -> bool {
         let denials = self
-            .recalled
+            .witnesses
             .iter()
-            .filter(|free| new.seen.since(free.time) <= self.config.recall_s)
-            .filter(|free| free.denies(new.x_m, new.y_m, new.look_x, new.look_y, self.cos_askance))
+            .filter(|&&k| self.recalled[k].denies(new.x_m, new.y_m, new.look_x, new.look_y, self.cos_askance))
             .take(DENIALS)
             .count();
         denials < DENIALS
     }
 
+    /// Gathers the spots that an arc can confirm, or that a new spot on it can be the same as.
+    fn gather(&mut self, arc: &Arc) {
+        let EchoMemory { spots, about, config: c, .. } = self;
+        let within_m = c.spacing_m.max(c.on_arc_within_m).max(c.same_within_m) + ROUNDING_M;
+        let (least_m, most_m) = ((arc.radius_m - within_m).max(0.0), arc.radius_m + within_m);
+        let (least_sq, most_sq) = (least_m * least_m, most_m * most_m);
+        spots.find(about, |x_m, y_m| {
+            let (dx, dy) = (x_m - arc.x_m, y_m - arc.y_m);
+            let away_sq = dx * dx + dy * dy;
+            (away_sq >= least_sq) & (away_sq <= most_sq)
+        });
+    }
+
     fn add_arc(&mut self, time: Time, reading: &Reading, distance_m: f64) {
         let c = self.config;
         let arc = Arc::of(reading, distance_m);
+        self.gather(&arc);
         let known = self.confirm(time, &arc);
         let kept = |spot: &Spot| known.is_none_or(|known| near(known, (spot.x_m, spot.y_m), c.explained_within_m));
         // Something is on the arc: where earlier readings leave none of it open, something has moved, and all counts.
-        let narrow =
-            distance_m <= c.near_m && self.along(time, &arc, reading).filter(kept).any(|spot| self.is_open(&spot));
+        let mut narrow = distance_m <= c.near_m;
+        if narrow {
+            self.call_witnesses(time, &arc, 2.0 * reading.half_width_rad * c.arc_share);
+            narrow = self.along(time, &arc, reading).filter(kept).any(|spot| self.is_open(&spot));
+        }
         for spot in self.along(time, &arc, reading).filter(kept) {
             if !narrow || self.is_open(&spot) {
                 self.add(spot);
@@ -185,6 +227,7 @@ impl EchoMemory {
     fn add_too_near(&mut self, time: Time, reading: &Reading, distance_m: f64) {
         for share in [0.5, 1.0] {
             let arc = Arc::of(reading, share * distance_m);
+            self.gather(&arc);
             for spot in self.along(time, &arc, reading) {
                 self.add(spot);
             }
@@ -213,7 +256,7 @@ impl EchoMemory {
         let c = self.config;
         let mut best: Option<(u8, f64, f64)> = None;
         let mut grown = None;
-        for k in 0..self.spots.len() {
+        for &k in &self.about {
             let mut spot = self.spots[k];
             let moved = !near((spot.arc.x_m, spot.arc.y_m), (arc.x_m, arc.y_m), c.confirmed_from_m);
             // A new spot stands for the stretch of arc around it: where a second arc crosses that stretch is the place.
@@ -239,7 +282,7 @@ impl EchoMemory {
             if spot.confirmations >= c.explains_from && best.is_none_or(|(most, ..)| spot.confirmations > most) {
                 best = Some((spot.confirmations, spot.x_m, spot.y_m));
             }
-            self.spots[k] = spot;
+            self.spots.set(k, spot);
         }
         if let Some(at) = grown {
             // What came of earlier arcs through it is explained now, too.
@@ -248,20 +291,23 @@ impl EchoMemory {
                     || near(at, (spot.x_m, spot.y_m), c.explained_within_m)
                     || !spot.arc.meets(at.0, at.1, c.on_arc_within_m)
             });
+            self.gather(arc);
         }
         best.map(|(_, x_m, y_m)| (x_m, y_m))
     }
 
+    /// Adds a spot of the arc whose surroundings were gathered.
     fn add(&mut self, new: Spot) {
-        let within_m = self.config.same_within_m;
-        let same = |old: &&mut Spot| near((old.x_m, old.y_m), (new.x_m, new.y_m), within_m);
-        if let Some(old) = self.spots.iter_mut().find(same) {
+        let EchoMemory { spots, about, config, .. } = self;
+        let same = |k: usize| near((spots[k].x_m, spots[k].y_m), (new.x_m, new.y_m), config.same_within_m);
+        if let Some(k) = about.iter().copied().find(|&k| same(k)) {
             // The place stays: the false end of an arc that moves along with the body must not carry its spot along.
-            old.seen = new.seen;
+            spots.set(k, Spot { seen: new.seen, ..spots[k] });
             return;
         }
-        if self.spots.len() < self.spots.capacity() {
-            self.spots.push(new);
+        let k = spots.len();
+        if spots.push(new) {
+            about.push(k);
         } else {
             self.lost += 1;
         }

@@ -1,9 +1,10 @@
 """Reads recordings with readers that know nothing of Sinew: `mcap` with `mcap-ros2-support`, and `rosbags`.
 
-    read.py known.mcap run.mcap info.json
+    read.py known.mcap run.mcap info.json laser.mcap
 
 `known.mcap` comes from the example `for_peers`: every value in it is known. `run.mcap` is any recording and `info.json`
 what `sinew info --json` says about it: both readers must find the same topics, types and counts, and decode everything.
+`laser.mcap` is a run of a robot with a laser: its copies for ROS 2 must say what its exact samples say.
 """
 
 import json
@@ -103,12 +104,61 @@ def check_run(found, told, reader):
     print(f"{reader}: {total} messages on {len(counted)} topics, the same types and counts as sinew info")
 
 
+def check_copies(found, reader):
+    """A run's copies for ROS 2 say what its exact samples say."""
+    compared = {}
+    for topic, (kind, copies) in found.items():
+        exacts = found[topic.removeprefix("/ros")][1] if topic.startswith("/ros/") else []
+        for copy, exact in zip(copies, exacts):
+            if kind in COPIES:
+                COPIES[kind](copy, exact)
+                compared[kind] = compared.get(kind, 0) + 1
+        assert not topic.startswith("/ros/") or len(copies) == len(exacts), topic
+    assert {"nav_msgs/msg/Odometry", "geometry_msgs/msg/TwistStamped", "sensor_msgs/msg/LaserScan"} <= compared.keys(), compared
+    assert BEAMS[0] > 10_000, BEAMS
+    print(f"{reader}: copies of a run are its exact samples: " + ", ".join(f"{n} {k}" for k, n in compared.items()))
+
+
+def odometry(copy, exact):
+    near(copy.pose.pose.position.x, exact.message.x_m)
+    near(copy.pose.pose.position.y, exact.message.y_m)
+    near(2 * math.atan2(copy.pose.pose.orientation.z, copy.pose.pose.orientation.w), exact.message.heading_rad)
+    near(copy.twist.twist.linear.x, exact.message.velocity.linear_x_m_s)
+
+
+def twist(copy, exact):
+    velocity = getattr(exact.message, "velocity", exact.message)
+    near(copy.twist.linear.x, velocity.linear_x_m_s)
+    near(copy.twist.angular.z, velocity.angular_z_rad_s)
+
+
+def scan(copy, exact):
+    near(copy.angle_min, exact.message.angle_min_rad)
+    near(copy.angle_increment, exact.message.angle_increment_rad)
+    # None at all before the laser's first scan has come.
+    assert len(copy.ranges) == len(exact.tail)
+    BEAMS[0] += len(exact.tail)
+    for metres, beam in zip(copy.ranges, exact.tail):
+        # See messages::Echo: a value, nothing within reach, too near, else no reading.
+        expected = {1: beam.range_m, 2: math.inf, 3: -math.inf}.get(beam.echo, math.nan)
+        assert metres == expected or math.isnan(metres) and math.isnan(expected), (metres, beam)
+
+
+BEAMS = [0]
+COPIES = {
+    "nav_msgs/msg/Odometry": odometry,
+    "geometry_msgs/msg/TwistStamped": twist,
+    "sensor_msgs/msg/LaserScan": scan,
+}
+
+
 def main():
-    known, run, told = sys.argv[1:]
+    known, run, told, laser = sys.argv[1:]
     told = json.loads(Path(told).read_text())
     for reader, read in [("mcap + mcap-ros2-support", by_mcap), ("rosbags", by_rosbags)]:
         check_known(read(known), reader)
         check_run(read(run), told, reader)
+        check_copies(read(laser), reader)
 
 
 main()

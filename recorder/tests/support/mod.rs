@@ -9,8 +9,8 @@ use runtime::calls::{CallState, LocalRequest, Order};
 use runtime::channel::{RawSample, ReadError, SampleBuffer};
 use runtime::robot::{Resources, Robot};
 use runtime::{
-    CallPort, Caller, Device, Fault, Layer, Node, NodeType, OpenError, OrderPort, Ports, Reader, Set, SimulatedHost,
-    Time, Writer,
+    CallPort, Caller, Device, Fault, Keepsake, Layer, Node, NodeType, OpenError, OrderPort, Ports, Reader, Set,
+    SimulatedHost, Time, Writer,
 };
 use schemars::JsonSchema;
 use serde::Deserialize;
@@ -22,7 +22,7 @@ pub struct Config {
     gain: Option<f64>,
 }
 
-/// A driver that adds up the bytes of its device, and can be told to pause.
+/// A driver that adds up the bytes of its device, and can be told to pause. Its successor goes on from its sum.
 struct Adder {
     sum: f64,
     paused: bool,
@@ -30,6 +30,7 @@ struct Adder {
     pause: CallPort<Switch, Done>,
     count: OrderPort<Switch, Done, Done>,
     counting: Option<(Order<Switch, Done, Done>, u64)>,
+    keepsake: Keepsake,
     out: Writer<Twist>,
 }
 
@@ -47,8 +48,17 @@ impl Node for Adder {
             pause: ports.call("pause")?,
             count: ports.order("count")?,
             counting: None,
+            keepsake: ports.keepsake(),
             out: ports.writer("sum")?,
         })
+    }
+
+    fn start(&mut self, _: Time) -> Result<(), Fault> {
+        let mut left = [0; Keepsake::MOST_BYTES];
+        if let Some(sum) = self.keepsake.kept(&mut left).first_chunk() {
+            self.sum = f64::from_le_bytes(*sum);
+        }
+        Ok(())
     }
 
     fn step(&mut self, now: Time) -> Result<(), Fault> {
@@ -81,6 +91,7 @@ impl Node for Adder {
             self.sum += bytes[..count].iter().map(|byte| f64::from(*byte)).sum::<f64>();
         }
         let _ = self.device.send(&[self.sum as u8]);
+        self.keepsake.keep(&self.sum.to_le_bytes());
         if !self.device.link().is_open() {
             return Err(Fault::new("no device"));
         }

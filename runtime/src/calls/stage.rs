@@ -89,6 +89,8 @@ pub(crate) struct Stage {
     pub progress: Option<Shape>,
     pub answer: Shape,
     places: Box<[Place]>,
+    /// How many requests were staged and are not taken or withdrawn yet: most steps find none and need not look further.
+    waiting: AtomicU32,
     waker: OnceLock<Waker>,
 }
 
@@ -148,7 +150,16 @@ impl Stage {
     ) -> Arc<Stage> {
         let progress_bytes = progress.map_or(0, |shape| shape.bytes);
         let places = (0..PLACES).map(|_| Place::new(request.bytes, progress_bytes, answer.bytes)).collect();
-        Arc::new(Stage { command, kind, request, progress, answer, places, waker: OnceLock::new() })
+        Arc::new(Stage {
+            command,
+            kind,
+            request,
+            progress,
+            answer,
+            places,
+            waiting: AtomicU32::new(0),
+            waker: OnceLock::new(),
+        })
     }
 
     /// How the step wakes the pump. False when a pump has it already.
@@ -181,12 +192,19 @@ impl Stage {
         place.reported.store(false, Ordering::Relaxed);
         place.rank.store(rank(particulars.priority, arrival), Ordering::Relaxed);
         place.state.store(STAGED, Ordering::Release);
+        // A step that takes it before this line counts below zero for a moment, which is not zero either.
+        self.waiting.fetch_add(1, Ordering::Release);
         Some(index)
     }
 
     /// Takes a request back that the step has not taken; false when it has.
     pub fn withdraw(&self, index: usize) -> bool {
-        self.places[index].state.compare_exchange(STAGED, FREE, Ordering::AcqRel, Ordering::Acquire).is_ok()
+        let state = &self.places[index].state;
+        let withdrawn = state.compare_exchange(STAGED, FREE, Ordering::AcqRel, Ordering::Acquire).is_ok();
+        if withdrawn {
+            self.waiting.fetch_sub(1, Ordering::Relaxed);
+        }
+        withdrawn
     }
 
     /// Whether the step has accepted or ended the request.
@@ -224,12 +242,16 @@ impl Stage {
 
     /// Takes the request that comes first by priority, then by arrival.
     pub fn take(&self) -> Option<usize> {
+        if self.waiting.load(Ordering::Acquire) == 0 {
+            return None;
+        }
         // Each round lost means that the pump withdrew that request: no more rounds than places.
         for _ in 0..PLACES {
             let staged = self.places.iter().enumerate();
             let staged = staged.filter(|(_, place)| place.state.load(Ordering::Acquire) == STAGED);
             let (index, place) = staged.max_by_key(|(_, place)| place.rank.load(Ordering::Relaxed))?;
             if place.state.compare_exchange(STAGED, TAKEN, Ordering::AcqRel, Ordering::Acquire).is_ok() {
+                self.waiting.fetch_sub(1, Ordering::Relaxed);
                 return Some(index);
             }
         }

@@ -202,6 +202,16 @@ impl Device {
 
     /// Whether the open link is the one that a predecessor of this process had: the device has noticed nothing.
     pub fn is_kept(&self) -> bool {
+        let Some(note) = &self.note else { return self.has_kept() };
+        if note.plays() {
+            return note.played_kept();
+        }
+        let kept = self.has_kept();
+        note.kept(kept);
+        kept
+    }
+
+    fn has_kept(&self) -> bool {
         match &self.back {
             Back::Live(wire) => wire.kept.load(Ordering::Acquire),
             Back::Memory(_) => false,

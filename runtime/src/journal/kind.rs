@@ -9,6 +9,8 @@
 //! | `Cancelled` | caller of a command | number u64, why u8 |
 //! | `Polled` | called node | state u8, reason's code u8, then answer or reason's text |
 //! | `Progress` | called node | message |
+//! | `Kept` | device | 1 where the open link is a predecessor's, else 0: u8; a change only |
+//! | `Inherited` | predecessor | what the node's keepsake holds |
 //! | `Sent` | step | bytes |
 //! | `Reopened` | step | – |
 //! | `Baud` | step | rate [baud] u32 |
@@ -17,6 +19,7 @@
 //! | `Reported` | step | number u64, message |
 //! | `Called` | step | number u64, deadline [ns] u64, priority u8, message |
 //! | `CallCancelled` | step | – |
+//! | `Left` | step | what it leaves its successor in its keepsake |
 
 /// What an entry tells.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -29,6 +32,8 @@ pub(crate) enum EntryKind {
     Cancelled = 4,
     Polled = 5,
     Progress = 6,
+    Kept = 7,
+    Inherited = 8,
     Sent = 16,
     Reopened = 17,
     Baud = 18,
@@ -37,6 +42,7 @@ pub(crate) enum EntryKind {
     Reported = 21,
     Called = 22,
     CallCancelled = 23,
+    Left = 24,
 }
 
 /// Kinds below this are inputs of the step, the others its outputs.
@@ -52,6 +58,8 @@ pub(crate) fn name(kind: u8) -> &'static str {
         4 => "cancellation",
         5 => "state of a call",
         6 => "progress of a call",
+        7 => "whether the device's link is a predecessor's",
+        8 => "keepsake of a predecessor",
         16 => "bytes to the device",
         17 => "reopening of the device",
         18 => "the device's rate",
@@ -60,6 +68,7 @@ pub(crate) fn name(kind: u8) -> &'static str {
         21 => "progress report",
         22 => "call",
         23 => "cancellation of a call",
+        24 => "keepsake for a successor",
         _ => "unknown entry",
     }
 }

@@ -1,7 +1,7 @@
 //! What reaches a step other than by its read ports, and what leaves it other than by its written ones: written down
 //! entry by entry while the step runs, or played back to it.
 //!
-//! A device, a command and a caller each hold a [`Note`]: their place in the node's journal. In a node whose inputs are
+//! A device, a command, a caller and a keepsake each hold a [`Note`]: their place in the node's journal. In a node whose inputs are
 //! not recorded there is none, and nothing is done. Writing down allocates nothing: the journal has a fixed capacity,
 //! and an entry beyond it is counted as lost, which makes the step one that cannot be replayed.
 //!
@@ -28,7 +28,7 @@ pub(crate) const CALL_BYTES: usize = 4 * 1024;
 /// Ports of one kind that a journal tells apart.
 const PORTS: usize = 32;
 /// Kinds of input entries.
-const INPUT_KINDS: usize = 7;
+const INPUT_KINDS: usize = 9;
 const HEADER_BYTES: usize = 8;
 
 /// The journal of one node. Clones are the same journal.
@@ -42,6 +42,8 @@ struct Book {
     asked: [[u16; PORTS]; INPUT_KINDS],
     /// The link's word that each device had last.
     links: [Option<u64>; PORTS],
+    /// Whether each device said last that its link is a predecessor's.
+    kept: [bool; PORTS],
     /// Requests taken from each command so far.
     taken: [u64; PORTS],
     /// What is played back instead of asking the world.
@@ -65,6 +67,7 @@ impl Journal {
             lost: false,
             asked: [[0; PORTS]; INPUT_KINDS],
             links: [None; PORTS],
+            kept: [false; PORTS],
             taken: [0; PORTS],
             play,
         })))

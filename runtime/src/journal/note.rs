@@ -1,4 +1,4 @@
-//! The place of one device, command or caller in its node's journal.
+//! The place of one device, command, caller or keepsake in its node's journal.
 
 use super::{EntryKind, Journal};
 use crate::Time;
@@ -100,6 +100,28 @@ impl Note {
         let Some(link) = book.links.get_mut(self.port) else { return unknown };
         *link = change.or(*link);
         link.unwrap_or(unknown)
+    }
+
+    /// Whether the step was told that the device's link is a predecessor's; only changes are entries.
+    pub fn kept(&self, kept: bool) {
+        let mut book = self.journal.book();
+        match book.kept.get(self.port).copied() {
+            Some(known) if known != kept => {
+                book.kept[self.port] = kept;
+                book.write(EntryKind::Kept, self.port, &[&[u8::from(kept)]]);
+            }
+            Some(_) => book.nothing(EntryKind::Kept, self.port),
+            None => book.lost = true,
+        }
+    }
+
+    /// Playback: what the step was told of it then; no before the first change.
+    pub fn played_kept(&self) -> bool {
+        let change = self.played(EntryKind::Kept).and_then(|payload| payload.first().map(|byte| *byte != 0));
+        let mut book = self.journal.book();
+        let Some(kept) = book.kept.get_mut(self.port) else { return false };
+        *kept = change.unwrap_or(*kept);
+        *kept
     }
 
     /// Number of the next request that the step takes from this command.

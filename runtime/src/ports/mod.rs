@@ -98,8 +98,8 @@ pub struct Ports {
     pub(crate) pump: PumpBuilder,
     /// Where what the node hears and tells otherwise is written down, if it is.
     journal: Option<Journal>,
-    /// Devices, commands and callers so far: their numbers in the journal.
-    counts: [usize; 3],
+    /// Devices, commands, callers and keepsakes so far: their numbers in the journal.
+    counts: [usize; 4],
     pub(crate) latch: Rc<LatchCell>,
     pub(crate) keepsake: Keepsake,
 }
@@ -108,6 +108,7 @@ pub struct Ports {
 const DEVICES: usize = 0;
 const COMMANDS: usize = 1;
 const CALLERS: usize = 2;
+const KEEPSAKES: usize = 3;
 
 impl Ports {
     /// Ports for `spec` of `robot`. `seed` is the run's; each node gets its own from it.
@@ -127,7 +128,7 @@ impl Ports {
             incoming: Vec::new(),
             pump: PumpBuilder::new(&spec.path()),
             journal: None,
-            counts: [0; 3],
+            counts: [0; 4],
             latch: Rc::default(),
             keepsake: Keepsake::default(),
         }
@@ -332,7 +333,8 @@ impl Ports {
 
     /// A few bytes that outlive this node's process. What a predecessor left can be read from `start` on.
     pub fn keepsake(&mut self) -> Keepsake {
-        self.keepsake.clone()
+        let note = self.note(KEEPSAKES);
+        self.keepsake.noted(note)
     }
 
     /// What the supervisor lets the robot do now: always wired, and without a sample where nobody supervises.

@@ -62,5 +62,6 @@ impl SimulatedHost {
         if let Some(running) = &mut slot.running {
             running.set_period(period_ns);
         }
+        self.plan(index);
     }
 }

@@ -130,6 +130,38 @@ pub fn report_ready(descriptor: i32) -> Result<(), Errno> {
     rustix::io::write(&ready, &[1]).map(|_| ())
 }
 
+/// Says the same on a descriptor that is needed again: this process is ready to become ready.
+pub fn report_waiting(descriptor: i32) -> Result<(), Errno> {
+    if descriptor < 3 {
+        return Err(Errno::BADF);
+    }
+    // SAFETY: the supervisor handed this number over, and it stays open until `report_ready`.
+    let ready = unsafe { std::os::fd::BorrowedFd::borrow_raw(descriptor) };
+    rustix::io::write(ready, &[1]).map(|_| ())
+}
+
+/// Waits for the word to go on descriptor `descriptor`: true when it came, false when its writer is gone or this
+/// process is asked to stop. The descriptor is closed.
+pub fn wait_for_go(descriptor: i32) -> bool {
+    use std::os::fd::{FromRawFd, OwnedFd};
+    if descriptor < 3 {
+        return false;
+    }
+    // SAFETY: the supervisor handed this number over for this one use; nothing else in the process owns it.
+    let go = unsafe { OwnedFd::from_raw_fd(descriptor) };
+    // A signal ends the read; one that comes just before it is seen at the next turn.
+    let turn = rustix::event::Timespec { tv_sec: 0, tv_nsec: 50_000_000 };
+    while !stop_requested() {
+        let mut polled = [rustix::event::PollFd::new(&go, rustix::event::PollFlags::IN)];
+        match rustix::event::poll(&mut polled, Some(&turn)) {
+            Ok(0) | Err(Errno::INTR) => {}
+            Ok(_) => return matches!(rustix::io::read(&go, &mut [0_u8; 1]), Ok(1)),
+            Err(_) => return false,
+        }
+    }
+    false
+}
+
 fn last_error() -> Errno {
     Errno::from_io_error(&std::io::Error::last_os_error()).unwrap_or(Errno::INVAL)
 }

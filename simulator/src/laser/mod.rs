@@ -1,5 +1,6 @@
 //! Simulated laser scanners: a mirror that turns over a world, and a server that answers in the device's own protocol.
 
+mod lms;
 mod mirror;
 mod scip;
 mod server;

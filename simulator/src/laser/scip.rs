@@ -24,6 +24,8 @@ struct Stream {
     left: Option<u8>,
     /// Scans to leave out before the next one.
     wait: u8,
+    /// The first scan begins after the request: it never comes together with the reply.
+    since: Time,
 }
 
 /// See the module's text.
@@ -101,7 +103,7 @@ impl Scip {
         if let Some(wanted) = self.wanted.take() {
             self.send_scan(&wanted, status::OK);
         }
-        let Some(mut stream) = self.stream else { return };
+        let Some(mut stream) = self.stream.filter(|stream| begun >= stream.since) else { return };
         if stream.wait > 0 {
             stream.wait -= 1;
             self.stream = Some(stream);
@@ -168,7 +170,7 @@ impl Scip {
                 self.baud = baud.or(self.baud);
             }
             [b'G', letter, rest @ ..] => self.get(line, *letter, rest),
-            [b'M', letter, rest @ ..] => self.begin_stream(line, *letter, rest),
+            [b'M', letter, rest @ ..] => self.begin_stream(now, line, *letter, rest),
             [b'V' | b'P' | b'I' | b'B' | b'Q' | b'R' | b'T' | b'S' | b'H' | b'C' | b'D' | b'%', ..] => {
                 self.reply(line, status::UNKNOWN[1]);
             }
@@ -213,7 +215,7 @@ impl Scip {
         }
     }
 
-    fn begin_stream(&mut self, line: &[u8], letter: u8, parameters: &[u8]) {
+    fn begin_stream(&mut self, now: Time, line: &[u8], letter: u8, parameters: &[u8]) {
         let Some(coding) = Coding::of(letter) else { return self.reply(line, status::UNKNOWN[1]) };
         if parameters.split(|byte| *byte == b';').next().map(<[u8]>::len) != Some(13) {
             return self.reply(line, status::BAD_LENGTH);
@@ -227,7 +229,8 @@ impl Scip {
             return self.reply(line, if skip_is_wrong { *b"06" } else { *b"07" });
         };
         self.laser_on = true;
-        self.stream = Some(stream(line, coding, area, skip as u8, (count > 0).then_some(count as u8)));
+        let stream = stream(line, coding, area, skip as u8, (count > 0).then_some(count as u8));
+        self.stream = Some(Stream { since: now, ..stream });
         self.reply(line, status::OK);
     }
 
@@ -387,7 +390,7 @@ impl Scip {
 fn stream(line: &[u8], coding: Coding, area: Area, skip: u8, left: Option<u8>) -> Stream {
     let mut kept = [0; MAX_REQUEST];
     kept[..line.len()].copy_from_slice(line);
-    Stream { line: kept, length: line.len(), coding, area, skip, left, wait: 0 }
+    Stream { line: kept, length: line.len(), coding, area, skip, left, wait: 0, since: Time::ZERO }
 }
 
 /// A number in decimal digits without allocating.

@@ -1,5 +1,6 @@
 //! What a scanner's electronics do: bytes in, bytes out, scans in between.
 
+use super::lms::Lms;
 use super::scip::Scip;
 use drivers::laser::Sweep;
 use runtime::Time;
@@ -11,6 +12,7 @@ pub(super) const OUTBOX: usize = 14 * 1024;
 #[derive(Debug, Clone)]
 pub(super) enum Server {
     Scip(Box<Scip>),
+    Lms(Box<Lms>),
 }
 
 impl Server {
@@ -18,13 +20,15 @@ impl Server {
     pub fn hear(&mut self, now: Time, bytes: &[u8]) {
         match self {
             Server::Scip(scip) => scip.hear(now, bytes),
+            Server::Lms(lms) => lms.hear(bytes),
         }
     }
 
-    /// Takes a whole scan: when its turn began, and its distances.
-    pub fn scan(&mut self, begun: Time, ranges_m: &[f64]) {
+    /// Takes a whole scan: when its turn began, when its last beam was taken, and its distances.
+    pub fn scan(&mut self, begun: Time, taken: Time, ranges_m: &[f64]) {
         match self {
             Server::Scip(scip) => scip.scan(begun, ranges_m),
+            Server::Lms(lms) => lms.scan(taken, ranges_m),
         }
     }
 
@@ -32,6 +36,7 @@ impl Server {
     pub fn measures(&self) -> bool {
         match self {
             Server::Scip(scip) => scip.measures(),
+            Server::Lms(lms) => lms.measures(),
         }
     }
 
@@ -39,6 +44,7 @@ impl Server {
     pub fn take_sweep(&mut self) -> Option<Sweep> {
         match self {
             Server::Scip(_) => None,
+            Server::Lms(lms) => lms.take_sweep(),
         }
     }
 
@@ -46,6 +52,7 @@ impl Server {
     pub fn outbox(&mut self) -> &mut Vec<u8> {
         match self {
             Server::Scip(scip) => &mut scip.out,
+            Server::Lms(lms) => &mut lms.out,
         }
     }
 
@@ -53,6 +60,7 @@ impl Server {
     pub fn baud(&self) -> Option<u32> {
         match self {
             Server::Scip(scip) => scip.baud,
+            Server::Lms(lms) => lms.baud,
         }
     }
 
@@ -60,6 +68,7 @@ impl Server {
     pub fn restart(&mut self) {
         match self {
             Server::Scip(scip) => scip.restart(),
+            Server::Lms(lms) => lms.restart(),
         }
     }
 }

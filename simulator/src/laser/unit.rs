@@ -1,5 +1,6 @@
 //! One scanner on one body.
 
+use super::lms::Lms;
 use super::mirror::{Mirror, Mover, Seat};
 use super::scip::Scip;
 use super::server::{OUTBOX, Server};
@@ -12,10 +13,15 @@ use runtime::Time;
 
 pub(crate) use super::mirror::Motion;
 
+/// The one model that speaks SICK's telegrams, and the standard deviation of its readings [m]: 5 mm up to 8 m by its data
+/// sheet.
+const LMS200: &str = "lms200";
+const LMS200_SIGMA_M: f64 = 0.005;
+
 /// A scanner to be.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct LaserSetup {
-    /// Model: urg-04lx, utm-30lx, ust-10lx, sinew-720.
+    /// Model: lms200, urg-04lx, utm-30lx, ust-10lx, sinew-720.
     pub model: String,
     /// Place on the body [m].
     pub x_m: f64,
@@ -49,25 +55,24 @@ impl Laser {
             upside_down: setup.upside_down,
         };
         let mut chance = Chance::new(seed, Purpose::Laser, index);
-        let (sigma_m, sensor) = model::named(&setup.model)?;
-        let sweep = sensor.sweep(&sensor.whole(1));
         // The mirror turns and the clock runs since some time before the world began.
         let boot_ms = (chance.share() * 1e6) as u32;
+        let (sweep, first_step, sigma_m, server) = if setup.model.eq_ignore_ascii_case(LMS200) {
+            let lms = Lms::new();
+            (lms.sweep(), 0, LMS200_SIGMA_M, Server::Lms(Box::new(lms)))
+        } else {
+            let (sigma_m, sensor) = model::named(&setup.model)?;
+            let server = Server::Scip(Box::new(Scip::new(*sensor, boot_ms)));
+            (sensor.sweep(&sensor.whole(1)), u64::from(sensor.first_step), sigma_m, server)
+        };
         let phase_ns = (sweep.turn_s * 1e9 * chance.share()) as u64;
-        Some(Laser {
-            body,
-            mirror: Mirror::new(seat, sweep, u64::from(sensor.first_step), Time::from_nanos(phase_ns)),
-            server: Server::Scip(Box::new(Scip::new(*sensor, boot_ms))),
-            phase_ns,
-            sigma_m,
-            realism,
-            chance,
-        })
+        let mirror = Mirror::new(seat, sweep, first_step, Time::from_nanos(phase_ns));
+        Some(Laser { body, mirror, server, phase_ns, sigma_m, realism, chance })
     }
 
     /// Names of all models.
     pub fn models() -> String {
-        let names: Vec<&str> = model::MODELS.iter().map(|(name, ..)| *name).collect();
+        let names: Vec<&str> = [LMS200].into_iter().chain(model::MODELS.iter().map(|(name, ..)| *name)).collect();
         names.join(", ")
     }
 
@@ -83,7 +88,9 @@ impl Laser {
             mirror.set(sweep);
         }
         let active = server.measures();
-        mirror.advance(motion, active, realism, *sigma_m, chance, |begun, _, ranges_m| server.scan(begun, ranges_m));
+        mirror.advance(motion, active, realism, *sigma_m, chance, |begun, taken, ranges_m| {
+            server.scan(begun, taken, ranges_m);
+        });
     }
 
     /// Takes bytes from the client at `now`.

@@ -6,12 +6,19 @@
 
 mod actor;
 mod chassis;
+#[cfg(test)]
+mod crowd_tests;
 mod line;
+#[cfg(test)]
+mod many_tests;
+mod people;
 mod setup;
+mod social;
 #[cfg(test)]
 mod tests;
 
 pub use chassis::Chassis;
+pub use people::{Way, people_along};
 pub use setup::{BodySetup, Setup, SetupError};
 
 use crate::contact::Meeting;
@@ -41,6 +48,8 @@ pub struct Simulation {
     /// The people as they stand now, and how they moved in the last step.
     discs: Vec<Circle>,
     disc_velocities: Vec<Point>,
+    /// What social people feel [m/s²].
+    pushes: Vec<Point>,
     actors: Vec<Actor>,
     placed: Vec<Placed>,
     lasers: Vec<(Laser, Line)>,
@@ -74,6 +83,7 @@ impl Simulation {
         if !self.lasers.is_empty() {
             self.movers.begin(self.actors.iter().map(|actor| actor.body.pose), &self.discs);
         }
+        self.feel();
         for person in 0..self.walks.len() {
             self.walk(person);
         }
@@ -237,7 +247,10 @@ impl Simulation {
             self.disc_velocities[index] = Point::ZERO;
             return;
         }
-        let next = person.walked(&walk, STEP_S);
+        let next = match person.social {
+            Some(_) => self.pushed(index, person, &walk),
+            None => person.walked(&walk, STEP_S),
+        };
         self.disc_velocities[index] = next.velocity;
         if next.jumped {
             return self.appear(index, next);
@@ -261,6 +274,11 @@ impl Simulation {
             let disc = at(free);
             self.walks[index].disc = disc;
             self.discs[index] = disc;
+            if person.social.is_some() {
+                let mut stopped = next;
+                (stopped.disc, stopped.velocity) = (disc, Point::ZERO);
+                self.walks[index] = stopped;
+            }
             self.meet(body, Thing::Person(index), on_body, on_thing, None);
             return;
         }

@@ -11,7 +11,7 @@ use crate::mcu::{Firmware, Flash, Mcu};
 use crate::noise::{Chance, Purpose};
 use crate::realism::Realism;
 use crate::sonar::Ears;
-use crate::world::{Start, World};
+use crate::world::{Start, Walk, World};
 use drivers::p2os::Text;
 use drivers::p2os::model::{self, Model};
 use drivers::p2os::sip::Identity;
@@ -149,6 +149,7 @@ impl Simulation {
             walks: Vec::new(),
             discs: Vec::new(),
             disc_velocities: Vec::new(),
+            pushes: Vec::new(),
             actors: Vec::new(),
             placed: Vec::new(),
             lasers: Vec::new(),
@@ -197,12 +198,17 @@ impl Simulation {
         let mut chance = Chance::new(seed, Purpose::Person, index);
         let in_the_way =
             |disc: &Circle, room_m: f64| self.placed.iter().position(|body| body.gap_to_circle(disc).0 <= room_m);
+        // Who gives way does not begin in somebody either.
+        let is_apart = |walk: &Walk| {
+            let apart_m = |disc: &Circle| (disc.centre - walk.disc.centre).norm() - disc.radius_m - walk.disc.radius_m;
+            person.social.is_none() || self.discs.iter().all(|disc| apart_m(disc) > START_ROOM_M)
+        };
         let drawn = (0..START_DRAWS).map(|_| person.start(chance.share()));
         let walk = match person.phase {
             Some(phase) => person.start(phase),
             None => drawn
                 .into_iter()
-                .find(|walk| in_the_way(&walk.disc, PERSON_ROOM_M).is_none())
+                .find(|walk| in_the_way(&walk.disc, PERSON_ROOM_M).is_none() && is_apart(walk))
                 .unwrap_or_else(|| person.start(0.0)),
         };
         if let Some(body) = in_the_way(&walk.disc, 0.0) {
@@ -212,6 +218,7 @@ impl Simulation {
         self.walks.push(walk);
         self.discs.push(walk.disc);
         self.disc_velocities.push(Point::ZERO);
+        self.pushes.push(Point::ZERO);
         Ok(())
     }
 

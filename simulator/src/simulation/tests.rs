@@ -11,15 +11,15 @@ use messages::ContactCause;
 use std::f64::consts::PI;
 
 /// A client that keeps the watchdog fed and reads the SIPs.
-struct Client {
-    simulation: Simulation,
-    sips: Vec<Vec<Sip>>,
+pub(super) struct Client {
+    pub simulation: Simulation,
+    pub sips: Vec<Vec<Sip>>,
     framers: Vec<Framer>,
     contacts: Vec<Contact>,
 }
 
 impl Client {
-    fn new(world: World, setup: &Setup) -> Client {
+    pub fn new(world: World, setup: &Setup) -> Client {
         let simulation = Simulation::new(world, setup).unwrap();
         let bodies = simulation.bodies();
         let framers = vec![Framer::new(); bodies];
@@ -39,12 +39,12 @@ impl Client {
         self.simulation.receive(body, &out[..length]);
     }
 
-    fn velocity(&mut self, body: usize, mm_s: i32, deg_s: i32) {
+    pub fn velocity(&mut self, body: usize, mm_s: i32, deg_s: i32) {
         self.command(body, command::VEL, Argument::Integer(mm_s));
         self.command(body, command::RVEL, Argument::Integer(deg_s));
     }
 
-    fn run(&mut self, seconds: f64) {
+    pub fn run(&mut self, seconds: f64) {
         let steps = (seconds / STEP_S).round() as usize;
         for step in 0..steps {
             self.simulation.step();
@@ -74,7 +74,7 @@ impl Client {
     }
 }
 
-fn perfect(bodies: &[Pose]) -> Setup {
+pub(super) fn perfect(bodies: &[Pose]) -> Setup {
     let body = |pose: &Pose| BodySetup { start: Some(*pose), ..BodySetup::default() };
     Setup { bodies: bodies.iter().map(body).collect(), seed: 1, realism: Realism::none() }
 }
@@ -95,6 +95,7 @@ fn walker(path: &[(f64, f64)], yields_within_m: Option<f64>) -> World {
         pause_s: 0.0,
         phase: Some(0.0),
         times_s: Vec::new(),
+        social: None,
     };
     World { persons: vec![person], ..World::default() }
 }

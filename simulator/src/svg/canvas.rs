@@ -10,6 +10,7 @@ text{font-family:'Helvetica Neue',Helvetica,Arial,'DejaVu Sans',sans-serif;font-
 .floor{fill:#fff;stroke:#d8d4ca}.solid{fill:#c9c4b8}.wall{stroke:#3b424d;stroke-width:1.6;stroke-linecap:round;fill:none}
 .post{fill:#c9c4b8;stroke:#3b424d;stroke-width:1.2}.grid{stroke:#ece9e1;stroke-width:1}
 .way{fill:none;stroke:#8c6bb1;stroke-width:1.4;stroke-dasharray:5 5;opacity:.75}.person{fill:#8c6bb1;fill-opacity:.85;stroke:#fff}
+.trace{fill:none;stroke:#8c6bb1;stroke-width:1.5;opacity:.6;stroke-linejoin:round}.begun{fill:#fff;stroke:#8c6bb1;stroke-width:1.4}
 .track{fill:none;stroke-width:2.2;stroke-linejoin:round;stroke-linecap:round}.start{fill:#fff;stroke:#1b7f5c;stroke-width:2.4}
 .robot{fill:#e4572e;fill-opacity:.92;stroke:#7a2412;stroke-width:1.2;stroke-linejoin:round}.nose{fill:#fff;stroke:none}
 .beam{fill:#2e86de;fill-opacity:.13;stroke:#2e86de;stroke-opacity:.35;stroke-width:.6}.silent{fill:#2e86de;fill-opacity:.04}

@@ -30,8 +30,12 @@ pub(super) fn draw(canvas: &mut Canvas, scale: f64, fastest_m_s: f64, picture: &
     }
     if !picture.world.persons.is_empty() {
         canvas.circle((x, 26.0), 6.0, "person");
-        canvas.text((x + 12.0, 30.0), "", "person, at the start");
-        x += 75.0;
+        canvas.text(
+            (x + 12.0, 30.0),
+            "",
+            if picture.ways.is_empty() { "person, at the start" } else { "person, where the way ends" },
+        );
+        x += if picture.ways.is_empty() { 140.0 } else { 185.0 };
     }
     for (cause, words) in [(false, "contact caused"), (true, "contact suffered")] {
         let of_this_kind = |contact: &&messages::Contact| (contact.cause == ContactCause::Suffered as u64) == cause;

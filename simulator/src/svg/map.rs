@@ -34,9 +34,20 @@ pub(super) fn draw(canvas: &mut Canvas, view: &View, picture: &Picture, size: (f
     for circle in world.map.circles() {
         canvas.circle(view.at(circle.centre), circle.radius_m * view.scale, "post");
     }
-    for person in &world.persons {
+    // Where the ways are known, the paths that were meant would only hide them.
+    for person in world.persons.iter().filter(|_| picture.ways.is_empty()) {
         let closing = person.path.first().copied().filter(|_| person.course == Course::Loop);
         canvas.polyline(person.path.iter().copied().chain(closing).map(|point| view.at(point)), "way", "");
+    }
+}
+
+/// Draws where the people went, a ring where each began.
+pub(super) fn draw_ways(canvas: &mut Canvas, view: &View, picture: &Picture) {
+    for way in picture.ways {
+        canvas.polyline(way.iter().map(|point| view.at(*point)), "trace", "");
+        if let Some(first) = way.first() {
+            canvas.circle(view.at(*first), 3.0, "begun");
+        }
     }
 }
 

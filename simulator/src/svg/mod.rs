@@ -10,7 +10,7 @@ mod legend;
 mod map;
 mod track;
 
-use crate::geometry::{Circle, Footprint, Pose};
+use crate::geometry::{Circle, Footprint, Point, Pose};
 use crate::world::World;
 use canvas::Canvas;
 use messages::Contact;
@@ -68,6 +68,8 @@ pub struct Picture<'a> {
     pub world: &'a World,
     /// The people as they stand at the end.
     pub persons: &'a [Circle],
+    /// Where each of them went; empty where that is not known.
+    pub ways: &'a [Vec<Point>],
     /// Where the robot was, in order.
     pub track: &'a [TrackPoint],
     /// What it touched.
@@ -111,6 +113,7 @@ pub fn render(picture: &Picture) -> String {
     canvas.open_group((MARGIN_PX, MARGIN_PX + TITLE_PX));
     let view = canvas::View { low, scale, height_px: map_height };
     map::draw(&mut canvas, &view, picture, (map_width, map_height));
+    map::draw_ways(&mut canvas, &view, picture);
     let fastest_m_s = track::draw(&mut canvas, &view, picture.track);
     map::draw_persons(&mut canvas, &view, picture);
     track::draw_start(&mut canvas, &view, picture.track);
@@ -135,14 +138,14 @@ pub fn render(picture: &Picture) -> String {
 }
 
 /// Lower left and upper right corner of all that is drawn on the map.
-fn extent(picture: &Picture) -> (crate::geometry::Point, crate::geometry::Point) {
-    use crate::geometry::Point;
+fn extent(picture: &Picture) -> (Point, Point) {
     let (mut low, mut high) = picture.world.map.extent();
     if picture.world.map.segments().is_empty() && picture.world.map.circles().is_empty() {
         let start = picture.track.first().map_or(Point::ZERO, |point| Point::new(point.x_m, point.y_m));
         (low, high) = (start - Point::new(1.0, 1.0), start + Point::new(1.0, 1.0));
     }
-    let ways = picture.world.persons.iter().flat_map(|person| person.path.iter().copied());
+    let gone = picture.ways.iter().flatten().copied();
+    let ways = picture.world.persons.iter().flat_map(|person| person.path.iter().copied()).chain(gone);
     let track = picture.track.iter().map(|point| Point::new(point.x_m, point.y_m));
     for Point { x_m, y_m } in ways.chain(track) {
         low = Point::new(low.x_m.min(x_m), low.y_m.min(y_m));

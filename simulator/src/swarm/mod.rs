@@ -20,7 +20,7 @@ mod stride;
 #[cfg(test)]
 mod tests;
 
-pub use kind::{Kind, Rays};
+pub use kind::{Few, Kind, Rays};
 
 use crate::geometry::{Point, Pose};
 use crate::noise::{Chance, Purpose};
@@ -141,7 +141,7 @@ impl Swarm {
             way_m: 0.0,
             contacts: 0,
         };
-        let reach_m = kind.reach_m + kind.farthest_mount_m() + kind.radius_m;
+        let reach_m = kind.reach_m + kind.farthest_mount_m + kind.radius_m;
         let closest_m = 2.0 * kind.radius_m + 2.0 * kind.speed_m_s * step_s;
         let mut swarm = Swarm {
             neighbours: Neighbours::new(world.map.extent(), poses.len(), (0.25 * reach_m).max(closest_m)),
@@ -210,6 +210,16 @@ impl Swarm {
             (bodies.cos[robot], bodies.sin[robot]) = (heading.x_m, heading.y_m);
             bodies.wall_m[robot] = own.wall_m;
         }
+    }
+
+    /// The world that they are in.
+    pub fn world(&self) -> &World {
+        &self.world
+    }
+
+    /// What they are.
+    pub fn kind(&self) -> &Kind {
+        &self.kind
     }
 
     /// Number of robots.

@@ -6,8 +6,10 @@
 
 use super::{Around, Rays};
 use crate::geometry::Point;
-use runtime::math;
-use std::f64::consts::TAU;
+use crate::world::View;
+
+/// A disc counts as hidden only where a range is shorter by more than this [m].
+const ROUNDING_M: f32 = 1e-4;
 
 impl Around<'_> {
     /// Reads all rays of a robot.
@@ -15,44 +17,43 @@ impl Around<'_> {
         let centre = Point::new(self.bodies.x_m[robot], self.bodies.y_m[robot]);
         let (cos, sin) = (self.bodies.cos[robot], self.bodies.sin[robot]);
         let (kind, map) = (self.kind, &self.world.map);
-        let reach_m = kind.reach_m;
-        let mut farthest_m = 0.0_f32;
-        let mut cast = |origin: Point, direction: Point| {
-            let range_m = map.cast(origin, direction, reach_m).map_or(reach_m as f32, |range_m| range_m as f32);
-            farthest_m = farthest_m.max(range_m);
-            range_m
-        };
         match &kind.rays {
-            Rays::Few(rays) => {
-                for (range_m, (place, direction)) in ranges_m.iter_mut().zip(rays) {
-                    *range_m = cast(centre + place.turned(cos, sin), direction.turned(cos, sin));
+            Rays::Few(few) => {
+                let mut farthest_m = 0.0_f32;
+                for (range_m, (place, direction)) in ranges_m.iter_mut().zip(&few.rays) {
+                    let origin = centre + place.turned(cos, sin);
+                    let hit_m = map.cast(origin, direction.turned(cos, sin), kind.reach_m);
+                    *range_m = hit_m.unwrap_or(kind.reach_m) as f32;
+                    farthest_m = farthest_m.max(*range_m);
                 }
-                let near_m = f64::from(farthest_m) + kind.radius_m + kind.farthest_mount_m();
+                let near_m = f64::from(farthest_m) + kind.radius_m + kind.farthest_mount_m;
                 self.neighbours.each_within(robot, centre, near_m, |_, apart| {
                     let disc = apart.turned(cos, -sin);
-                    for (range_m, (place, direction)) in ranges_m.iter_mut().zip(rays) {
-                        meet(range_m, disc - *place, *direction, kind.radius_m);
-                    }
+                    few.each_towards(disc, |ray| {
+                        let (place, direction) = few.rays[ray];
+                        meet(&mut ranges_m[ray], disc - place, direction, kind.radius_m);
+                    });
                 });
             }
-            Rays::Fan { place, first_rad, step_rad, directions } => {
-                let origin = centre + place.turned(cos, sin);
-                for (range_m, direction) in ranges_m.iter_mut().zip(directions) {
-                    *range_m = cast(origin, direction.turned(cos, sin));
-                }
-                let near_m = f64::from(farthest_m) + kind.radius_m + place.norm();
+            Rays::Fan(fan) => {
+                ranges_m.fill(kind.reach_m as f32);
+                map.sweep(&View { fan, origin: centre + fan.place.turned(cos, sin), cos, sin }, ranges_m);
+                let farthest_m = ranges_m.iter().fold(0.0_f32, |most, range_m| most.max(*range_m));
+                let near_m = f64::from(farthest_m) + kind.radius_m + kind.farthest_mount_m;
                 self.neighbours.each_within(robot, centre, near_m, |_, apart| {
-                    let disc = apart.turned(cos, -sin) - *place;
-                    let (first, last) = across(disc, kind.radius_m, *first_rad, *step_rad);
-                    for turn in [-TAU, 0.0, TAU] {
-                        let shift = turn / step_rad;
-                        let from = (first + shift).ceil().max(0.0) as usize;
-                        let to = ((last + shift).floor() + 1.0).max(0.0) as usize;
-                        let to = to.min(directions.len());
-                        for ray in from..to {
-                            meet(&mut ranges_m[ray], disc, directions[ray], kind.radius_m);
-                        }
+                    let disc = apart.turned(cos, -sin) - fan.place;
+                    if fan.is_behind(disc, kind.radius_m) {
+                        return;
                     }
+                    let nearest_m = (disc.norm() - kind.radius_m) as f32 - ROUNDING_M;
+                    fan.across(disc, kind.radius_m, |run| {
+                        for (range_m, direction) in ranges_m[run.clone()].iter_mut().zip(&fan.directions[run]) {
+                            // Most are hidden by what stands before them.
+                            if *range_m > nearest_m {
+                                meet(range_m, disc, *direction, kind.radius_m);
+                            }
+                        }
+                    });
                 });
             }
         }
@@ -60,6 +61,7 @@ impl Around<'_> {
 }
 
 /// Shortens a range to where the ray from the origin meets a disc about `disc`.
+#[inline]
 fn meet(range_m: &mut f32, disc: Point, direction: Point, radius_m: f64) {
     let along = disc.dot(direction);
     let beside = direction.cross(disc);
@@ -67,13 +69,4 @@ fn meet(range_m: &mut f32, disc: Point, direction: Point, radius_m: f64) {
     if along > 0.0 && under >= 0.0 {
         *range_m = range_m.min((along - under.sqrt()).max(0.0) as f32);
     }
-}
-
-/// Numbers of the first and the last ray of a fan that a disc may lie across, fractions and a little room included.
-fn across(disc: Point, radius_m: f64, first_rad: f64, step_rad: f64) -> (f64, f64) {
-    const ROOM: f64 = 1e-6;
-    let share = radius_m / disc.norm().max(radius_m);
-    let half_rad = math::asin(share.min(1.0));
-    let middle_rad = disc.angle() - first_rad;
-    ((middle_rad - half_rad) / step_rad - ROOM, (middle_rad + half_rad) / step_rad + ROOM)
 }

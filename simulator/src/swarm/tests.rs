@@ -64,8 +64,8 @@ fn every_ray_reads_what_an_exhaustive_search_finds() {
         for robot in 0..60 {
             for (ray, read_m) in swarm.ranges_m(robot).iter().enumerate() {
                 let (place, direction) = match &kind.rays {
-                    Rays::Few(rays) => rays[ray],
-                    Rays::Fan { place, directions, .. } => (*place, directions[ray]),
+                    Rays::Few(few) => few.rays[ray],
+                    Rays::Fan(fan) => (fan.place, fan.directions[ray]),
                 };
                 let origin = before[robot].world_from_body(place);
                 let direction = before[robot].world_from_body(direction) - before[robot].place();

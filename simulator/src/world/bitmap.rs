@@ -40,8 +40,7 @@ pub(super) fn add(
     let bytes = load(&name)
         .map_err(|why| WorldError::of_file(file, format!("cannot read its image {name}: {why}"), "correct `image`"))?;
     let image = image::decode(&name, &bytes)?;
-    let occupied = occupied_cells(&image, &sheet);
-    let cells = Cells { columns: image.width, rows: image.height, occupied };
+    let cells = Cells::of(&image, |shade| is_occupied(shade, &sheet));
     let (cos, sin) = (runtime::math::cos(sheet.origin.heading_rad), runtime::math::sin(sheet.origin.heading_rad));
     let place = |column: usize, row: usize| {
         let corner = Point::new(column as f64 * sheet.resolution_m, row as f64 * sheet.resolution_m);
@@ -120,31 +119,36 @@ fn parse(file: &str, text: &str) -> Result<Sheet, WorldError> {
     Ok(Sheet { image: image.to_owned(), resolution_m, origin, occupied_thresh: number(3, Some(0.65))?, negate, raw })
 }
 
-/// Cells from the lower left corner in rows: true where something stands.
-fn occupied_cells(image: &Image, sheet: &Sheet) -> Vec<bool> {
-    let rows = image.shades.chunks_exact(image.width).rev();
-    rows.flatten()
-        .map(|shade| match (shade.map(f64::from), sheet.raw) {
-            (None, _) => false,
-            (Some(value), true) => value <= 100.0 && value >= 100.0 * sheet.occupied_thresh,
-            (Some(value), false) => {
-                let dark = if sheet.negate { value / 255.0 } else { (255.0 - value) / 255.0 };
-                dark >= sheet.occupied_thresh
-            }
-        })
-        .collect()
+/// Whether a cell of that shade is occupied.
+fn is_occupied(shade: Option<f32>, sheet: &Sheet) -> bool {
+    match (shade.map(f64::from), sheet.raw) {
+        (None, _) => false,
+        (Some(value), true) => value <= 100.0 && value >= 100.0 * sheet.occupied_thresh,
+        (Some(value), false) => {
+            let dark = if sheet.negate { value / 255.0 } else { (255.0 - value) / 255.0 };
+            dark >= sheet.occupied_thresh
+        }
+    }
 }
 
 /// Occupied cells; corners of cells are counted in whole columns and rows.
-struct Cells {
+pub(super) struct Cells {
     columns: usize,
     rows: usize,
+    /// From the lower left corner in rows.
     occupied: Vec<bool>,
 }
 
-type Corner = (usize, usize);
+pub(super) type Corner = (usize, usize);
 
 impl Cells {
+    /// A picture's cells; its first row is the topmost.
+    pub fn of(image: &Image, is_occupied: impl Fn(Option<f32>) -> bool) -> Cells {
+        let rows = image.shades.chunks_exact(image.width).rev();
+        let occupied = rows.flatten().map(|shade| is_occupied(*shade)).collect();
+        Cells { columns: image.width, rows: image.height, occupied }
+    }
+
     /// Whether the cell left of and below the corner (`column`, `row`) is occupied; free outside.
     fn at(&self, column: usize, row: usize) -> bool {
         (1..=self.columns).contains(&column)
@@ -153,7 +157,7 @@ impl Cells {
     }
 
     /// Borders between occupied and free, joined along rows and columns.
-    fn borders(&self) -> Vec<[Corner; 2]> {
+    pub fn borders(&self) -> Vec<[Corner; 2]> {
         let mut found = Vec::new();
         for row in 0..=self.rows {
             let differs = |column: usize| self.at(column + 1, row) != self.at(column + 1, row + 1);
@@ -167,7 +171,7 @@ impl Cells {
     }
 
     /// Rectangles that cover the occupied cells exactly once, for drawing and for telling inside from outside.
-    fn blocks(&self) -> Vec<[Corner; 2]> {
+    pub fn blocks(&self) -> Vec<[Corner; 2]> {
         let mut open: Vec<[Corner; 2]> = Vec::new();
         let mut found = Vec::new();
         for row in 0..=self.rows {

@@ -1,8 +1,9 @@
 //! From a world file's words to a world: checks every number and says where a wrong one stands.
 
+use super::crowd::{self, Crowd};
 use super::error::{WorldError, nearest_word};
-use super::file::{BoxTable, CircleTable, PersonTable, PolygonTable, StartTable, WallTable, WorldFile};
-use super::{Course, Person, Sketch, Solid, Start, barn, bitmap, dynabarn};
+use super::file::{BoxTable, CircleTable, CrowdTable, PersonTable, PolygonTable, StartTable, WallTable, WorldFile};
+use super::{Course, Person, Sketch, Social, Solid, Start, barn, bitmap, dynabarn};
 use crate::geometry::{Circle, Point, Segment};
 use std::f64::consts::PI;
 use toml::Spanned;
@@ -62,6 +63,12 @@ pub(super) fn from_toml(file: &str, text: &str, load: &mut Loader) -> Result<Ske
     }
     for person in &words.person {
         sketch.persons.push(read_person(&at, person)?);
+    }
+    for table in &words.crowd {
+        let CrowdTable { count, seed, sees_robots } = *table.get_ref();
+        let reason = format!("a crowd has 1 to {} people", crowd::MOST);
+        at.require(table, (1..=crowd::MOST).contains(&count), &reason, "write for example count = 12")?;
+        sketch.crowds.push(Crowd { count, seed, sees_robots });
     }
     Ok(sketch)
 }
@@ -246,6 +253,18 @@ fn read_person(at: &Source, table: &Spanned<PersonTable>) -> Result<Person, Worl
         "phase is a share of the round, 0 to 1",
         "leave it out to draw it from the seed",
     )?;
+    at.require(
+        table,
+        !(words.social && timed),
+        "a timed person keeps to the times and gives way to nobody",
+        "leave out social or the times",
+    )?;
+    at.require(
+        table,
+        words.social || words.sees_robots.is_none(),
+        "sees_robots belongs to social = true",
+        "add that, or say yields_within_m for somebody who stands still before a robot",
+    )?;
     Ok(Person {
         path,
         course: words.course,
@@ -255,6 +274,7 @@ fn read_person(at: &Source, table: &Spanned<PersonTable>) -> Result<Person, Worl
         pause_s: words.pause_s,
         phase: words.phase,
         times_s: words.at_s.clone(),
+        social: words.social.then_some(Social { sees_robots: words.sees_robots.unwrap_or(true) }),
     })
 }
 

@@ -104,6 +104,7 @@ fn cylinder(line: &str) -> Result<Person, String> {
         pause_s: 0.0,
         phase: Some(0.0),
         times_s,
+        social: None,
     })
 }
 

@@ -28,6 +28,14 @@
 //! path_m = [[1.0, 6.0], [9.0, 6.0]]
 //! course = "timed"                        # at each point at its time, whatever stands around
 //! at_s = [0.0, 6.5]
+//! [[person]]
+//! path_m = [[1.0, 7.0], [9.0, 7.0]]
+//! speed_m_s = 1.2
+//! social = true                           # gives way to people and walls by social force ...
+//! sees_robots = false                     # ... and runs into robots
+//! [[crowd]]
+//! count = 12                              # such people, with ways that the seed draws
+//! seed = 3
 //! [bitmap]
 //! file = "map.yaml"                       # map_server's format, relative to this file
 //! [barn]
@@ -55,6 +63,7 @@ pub(super) struct WorldFile {
     pub polygon: Vec<Spanned<PolygonTable>>,
     pub circle: Vec<Spanned<CircleTable>>,
     pub person: Vec<Spanned<PersonTable>>,
+    pub crowd: Vec<Spanned<CrowdTable>>,
     pub bitmap: Option<Spanned<BitmapTable>>,
     pub barn: Option<Spanned<BarnTable>>,
     pub dynabarn: Option<Spanned<BarnTable>>,
@@ -144,6 +153,20 @@ pub(super) struct PersonTable {
     #[serde(default)]
     pub pause_s: f64,
     pub phase: Option<f64>,
+    #[serde(default)]
+    pub social: bool,
+    pub sees_robots: Option<bool>,
+}
+
+/// People who give way, drawn from a seed.
+#[derive(Debug, serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct CrowdTable {
+    pub count: usize,
+    #[serde(default)]
+    pub seed: u64,
+    #[serde(default = "yes")]
+    pub sees_robots: bool,
 }
 
 /// A map_server map whose occupied cells are obstacles.
@@ -165,4 +188,8 @@ pub(super) struct BarnTable {
 
 fn adult_radius() -> f64 {
     0.25
+}
+
+fn yes() -> bool {
+    true
 }

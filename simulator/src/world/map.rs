@@ -2,6 +2,7 @@
 
 use super::grid::{Entry, Grid};
 use super::rays::Rays;
+use super::sweep::View;
 use crate::geometry::{Circle, Cone, ConeHit, Placed, Point, Segment};
 
 /// A piece of surface and how it answers sound.
@@ -99,6 +100,11 @@ impl Map {
     /// Distance along a ray to the first surface, if one is nearer than `reach_m`. `direction` is a unit vector.
     pub fn cast(&self, origin: Point, direction: Point, reach_m: f64) -> Option<f64> {
         self.rays.cast(origin, direction, reach_m)
+    }
+
+    /// Shortens each of `ranges_m` to where its ray of a fan meets a surface, if it does so before.
+    pub(crate) fn sweep(&self, view: &View, ranges_m: &mut [f32]) {
+        self.rays.sweep(view, ranges_m);
     }
 
     /// Hands every surface that a cone may meet within its reach to `hear`, with whether it is rough.

@@ -1,11 +1,12 @@
 //! Worlds: what stands still, who walks about, where robots start.
 //!
-//! A world comes from a TOML file (its words are in [`file`]), from a map_server YAML with its picture, or from a
-//! BARN grids file or a DynaBARN worlds file (`grids.txt#17` chooses world 17).
+//! A world comes from a TOML file (its words are in [`file`]), from a map_server YAML with its picture, from a BARN grids
+//! file or a DynaBARN worlds file (`grids.txt#17` chooses world 17), or from a Stage world file (see [`stage`]).
 
 mod barn;
 mod bitmap;
 mod build;
+mod crowd;
 mod dynabarn;
 mod error;
 mod file;
@@ -15,12 +16,15 @@ mod made;
 mod map;
 mod person;
 mod rays;
+mod stage;
+mod sweep;
 #[cfg(test)]
 mod tests;
 
 pub use error::WorldError;
 pub use map::{Map, Nearest, Post, Wall};
-pub use person::{Course, Person, Walk};
+pub use person::{Course, Person, Social, Walk};
+pub(crate) use sweep::View;
 
 use crate::geometry::{Circle, Point, Pose, Segment};
 
@@ -59,6 +63,8 @@ pub struct World {
     pub persons: Vec<Person>,
     /// Where robots start, in order.
     pub starts: Vec<Start>,
+    /// What the file says and nothing here obeys, with its place.
+    pub notes: Vec<String>,
 }
 
 /// A world while it is being read.
@@ -70,6 +76,8 @@ struct Sketch {
     solids: Vec<Solid>,
     persons: Vec<Person>,
     starts: Vec<Start>,
+    notes: Vec<String>,
+    crowds: Vec<crowd::Crowd>,
 }
 
 impl World {
@@ -101,8 +109,10 @@ impl World {
                     false => barn::add(&mut sketch, file, &bytes, wanted)?,
                 }
             }
+            Some("world") => stage::add(&mut sketch, file, &bytes, load)?,
             _ => {
-                let remedy = "give a world (.toml), a map_server map (.yaml) or a BARN grid (.txt)";
+                let remedy =
+                    "give a world (.toml), a map_server map (.yaml), a BARN grid (.txt) or a Stage world (.world)";
                 return Err(WorldError::of_file(file, "this kind of file describes no world", remedy));
             }
         }
@@ -165,8 +175,18 @@ impl Sketch {
 
     /// Builds the index once everything has been added.
     fn finish(self) -> World {
-        let Sketch { name, walls, posts, solids, persons, starts } = self;
-        World { name, map: Map::new(&walls, &posts), solids, persons, starts }
+        let Sketch { name, walls, posts, solids, persons, starts, notes, crowds } = self;
+        let mut world = World { name, map: Map::new(&walls, &posts), solids, persons, starts, notes };
+        for crowd in &crowds {
+            let found = crowd::draw(&world, crowd);
+            if found.len() < crowd.count {
+                let note =
+                    format!("{}: of {} people only {} found a way to walk", world.name, crowd.count, found.len());
+                world.notes.push(note);
+            }
+            world.persons.extend(found);
+        }
+        world
     }
 }
 

@@ -4,7 +4,8 @@
 //! A timed one is at each way-point at a given time instead, whatever the speed, and begins anew at the last time;
 //! while something blocks the way, that person's clock stands still. One
 //! who yields stands still while a robot is ahead and nearer than `yields_within_m`: nobody steps into a machine that
-//! they see. One who does not yield walks on until touching it, and the contact counts as suffered.
+//! they see. One who does not yield walks on until touching it, and the contact counts as suffered. A social one keeps
+//! off walls and people, and off robots where they are seen, and makes for the way-points as that allows.
 
 use crate::geometry::{Circle, Placed, Point};
 
@@ -41,7 +42,19 @@ pub struct Person {
     pub phase: Option<f64>,
     /// When a timed person is at each way-point, strictly rising from zero; empty for others [s].
     pub times_s: Vec<f64>,
+    /// Gives way by social force; walks straight on when `None`.
+    pub social: Option<Social>,
 }
+
+/// How a person gives way.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Social {
+    /// Keeps off robots too; runs into them otherwise.
+    pub sees_robots: bool,
+}
+
+/// A social person who is so near to a way-point makes for the next one [m].
+const REACHED_M: f64 = 0.4;
 
 /// Where a person is and how they move.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -126,6 +139,18 @@ impl Person {
         next
     }
 
+    /// Lets a social person wait, or make for the next way-point where this one is reached.
+    pub(crate) fn look_where_to_go(&self, walk: &mut Walk, dt_s: f64) {
+        if walk.waits_s > 0.0 {
+            walk.waits_s = (walk.waits_s - dt_s).max(0.0);
+            return;
+        }
+        let Some(target) = self.path.get(walk.towards) else { return };
+        if (*target - walk.disc.centre).norm() < REACHED_M && self.turn_at_way_point(walk) {
+            walk.waits_s = self.pause_s;
+        }
+    }
+
     /// Length of a timed round [s].
     fn period_s(&self) -> f64 {
         self.times_s.last().copied().unwrap_or(0.0)
@@ -186,7 +211,11 @@ impl Person {
         }
     }
 
-    fn wanted(&self, walk: &Walk) -> Point {
+    /// Velocity at which the person would like to walk [m/s].
+    pub(crate) fn wanted(&self, walk: &Walk) -> Point {
+        if self.social.is_some() && walk.waits_s > 0.0 {
+            return Point::ZERO;
+        }
         let Some(target) = self.path.get(walk.towards) else { return Point::ZERO };
         let to = *target - walk.disc.centre;
         let away = to.norm();
@@ -209,6 +238,7 @@ mod tests {
             pause_s: 0.0,
             phase: Some(0.0),
             times_s: Vec::new(),
+            social: None,
         }
     }
 

@@ -15,34 +15,34 @@ const CELL_PER_GAP: f64 = 2.0;
 /// Cells at most; larger worlds get larger cells rather than more of them.
 const MAX_CELLS: f64 = 4_000_000.0;
 /// Marks a cell that is not empty; the rest is the index of its list.
-const LISTED: u32 = 1 << 31;
+pub(super) const LISTED: u32 = 1 << 31;
 /// List of the cells around the grid: a ray that comes there has left.
-const OUTSIDE: u32 = LISTED;
+pub(super) const OUTSIDE: u32 = LISTED;
 /// An empty square of fewer cells to either side is not worth a stride.
 const STRIDE: u32 = 4;
 
 /// What touches a cell: runs of `circles` and `segments`.
 #[derive(Debug, Clone, Copy, Default)]
-struct List {
-    circles: (u32, u32),
-    segments: (u32, u32),
+pub(super) struct List {
+    pub circles: (u32, u32),
+    pub segments: (u32, u32),
 }
 
 /// See the module's text.
 #[derive(Debug, Clone)]
 pub(super) struct Rays {
     /// Lower left corner of the ring of cells around the grid.
-    low: Point,
+    pub low: Point,
     /// Lower left and upper right corner of what is inside.
     inside: (Point, Point),
-    cell_m: f64,
-    inverse: f64,
-    columns: i32,
+    pub cell_m: f64,
+    pub inverse: f64,
+    pub columns: i32,
     /// An empty cell's distance to the nearest one that is not; or `LISTED` and a list.
-    cells: Vec<u32>,
-    lists: Vec<List>,
-    circles: Vec<Circle>,
-    segments: Vec<Segment>,
+    pub cells: Vec<u32>,
+    pub lists: Vec<List>,
+    pub circles: Vec<Circle>,
+    pub segments: Vec<Segment>,
 }
 
 /// One axis of a walk.

@@ -2,6 +2,7 @@
 
 mod channel;
 mod idle;
+mod laser;
 mod machine;
 mod markdown;
 mod perception;
@@ -35,6 +36,9 @@ pub struct Args {
     /// A tenth of the samples: to see whether it runs, not for figures
     #[arg(long, global = true)]
     quick: bool,
+    /// All 10,000 missions of `simulator`, not a sample of them: minutes
+    #[arg(long, global = true)]
+    long: bool,
     /// Folder or file of the robot; without it the built-in Pioneer
     #[arg(long, global = true, value_name = "ROBOT")]
     robot: Option<PathBuf>,
@@ -44,7 +48,7 @@ pub struct Args {
     /// Folder of the data that perception and tracking want, with leg-tracker/, csail/, dynabarn/ in it
     #[arg(long, global = true, value_name = "DIR")]
     data: Option<PathBuf>,
-    /// How long idle, reflex, record and supervision measure, as in 20s
+    /// How long idle, reflex, laser, record and supervision measure, as in 20s
     #[arg(long = "for", global = true, value_name = "TIME")]
     length: Option<String>,
 }
@@ -57,6 +61,8 @@ enum What {
     Idle,
     /// From a packet of the robot to the motor command that answers it, through the whole live robot
     Reflex,
+    /// From a laser's scan to the motor command that answers it, through the whole live robot
+    Laser,
     /// The whole robot on virtual time, on one core
     Simulate,
     /// From a scan to segments, circles and tracks
@@ -99,9 +105,10 @@ pub fn run(args: Args, types: &[NodeType]) -> Result<(), Failure> {
     // A document wants a tail of more than a handful.
     let reflex_s = if matches!(what, What::All) { 2.0 * REFLEX_S } else { REFLEX_S };
     let reflex = || reflex::run(robot, length_s.unwrap_or(reflex_s * part), types);
+    let laser = || laser::run(length_s.unwrap_or(reflex_s * part), types);
     let simulate = || simulate::run(robot, part, types);
     let perception = || perception::run(args.data.as_deref(), part);
-    let simulator = || simulator::run(part);
+    let simulator = || simulator::run(part, args.long);
     let tracking = || tracking::run(args.data.as_deref(), part);
     let record = || record::run(robot, length_s.unwrap_or(RECORD_S * part.max(0.2)), types);
     let supervision = || supervision::run(robot, length_s.unwrap_or(SUPERVISION_S * part), part, types);
@@ -109,13 +116,14 @@ pub fn run(args: Args, types: &[NodeType]) -> Result<(), Failure> {
         What::Channel => vec![&channel],
         What::Idle => vec![&idle],
         What::Reflex => vec![&reflex],
+        What::Laser => vec![&laser],
         What::Simulate => vec![&simulate],
         What::Perception => vec![&perception],
         What::Simulator => vec![&simulator],
         What::Tracking => vec![&tracking],
         What::Record => vec![&record],
         What::Supervision => vec![&supervision],
-        What::All => vec![&channel, &idle, &reflex, &simulate, &simulator, &record],
+        What::All => vec![&channel, &idle, &reflex, &laser, &simulate, &simulator, &record],
         What::Partner(partner) => return channel::partner::run(partner),
         What::SimulatorRow(row) => return simulator::row::run(row, types),
     };

@@ -46,12 +46,15 @@ struct Victim {
     /// A ring that the node writes.
     ring: RawReader,
     is_driver: bool,
+    /// A standby waits for its death.
+    is_backed: bool,
 }
 
 #[derive(Default)]
 struct Found {
     known: Times,
     cold: Times,
+    warm: Times,
     driver_sample: Times,
     taken_over: Times,
     will: Times,
@@ -99,6 +102,7 @@ fn report(machine: super::machine::Machine, found: &Found, seen: &Testimony) -> 
         ("hang known → stop written by the guard", &found.hang_will),
         ("estop → stop written by the driver, idle", &found.idle),
         ("estop → stop written by the driver, every core loaded", &found.loaded),
+        ("SIGKILL → a standby's first sample", &found.warm),
     ]
     .into_iter()
     .filter(|(_, times)| !times.is_empty())
@@ -111,6 +115,7 @@ fn report(machine: super::machine::Machine, found: &Found, seen: &Testimony) -> 
         (4, f64::INFINITY, 10_000.0),
         (7, 200.0, 2_000.0),
         (8, 200.0, 2_000.0),
+        (9, f64::INFINITY, 15_000.0),
     ];
     let target = |(index, p50_us, p99_us): (usize, f64, f64)| {
         let row = rows.get(index)?;
@@ -139,6 +144,11 @@ impl Robotic {
         plan.root = shm.join(&robot.name);
         let mut command = Command::new(std::env::current_exe()?);
         command.arg("run").args(file).args(["--name", &robot.name, "--json", "--svg", "none"]);
+        // One node with a standby, the others without.
+        let backed = |layer| layer == Layer::Coordinator;
+        for node in robot.nodes.iter().filter(|node| backed(node.kind.layer)) {
+            command.args(["--set", &format!("nodes.{}.care.standby=true", node.instance)]);
+        }
         command.env("SINEW_SHM", shm).env("SINEW_STATE", state);
         let mut child = command.stdin(Stdio::null()).stdout(Stdio::null()).spawn()?;
         let until = clock::now().after_s(30.0);
@@ -175,6 +185,7 @@ impl Robotic {
                 path: program.instance.clone(),
                 ring: tree.reader(&ring, None)?,
                 is_driver: spec.kind.layer == Layer::Drivers,
+                is_backed: backed(spec.kind.layer),
             });
         }
         let incidents = state.join(&robot.name).join("incidents.jsonl");
@@ -212,6 +223,7 @@ impl Robotic {
             let sampled = wait(|| victim.ring.generation() > generation && victim.ring.head() > head);
             match sampled {
                 Some(at) if victim.is_driver => found.driver_sample.push(begun, at),
+                Some(at) if victim.is_backed => found.warm.push(begun, at),
                 Some(at) => found.cold.push(begun, at),
                 None => found.missing += 1,
             }

@@ -1,4 +1,5 @@
-//! Worlds made from a seed: `KIND:SEED`, or `KIND:SEED:WIDTHxHEIGHT` in metres, as in `office:7` or `rooms:3:40x20`.
+//! Worlds made from a seed: `KIND:SEED`, or `KIND:SEED:WIDTHxHEIGHT` in metres, as in `office:7` or `rooms:3:40x20`; with
+//! `:people=N` behind it so many people walk about in it who give way to one another and to robots.
 //!
 //! | kind | what |
 //! |---|---|
@@ -14,6 +15,7 @@ mod cave;
 mod cells;
 mod office;
 
+use super::crowd::{self, Crowd};
 use super::error::nearest_word;
 use super::{Sketch, Start, WorldError};
 use crate::geometry::{Point, Pose, Segment};
@@ -46,10 +48,21 @@ pub(super) fn world(name: &str) -> Option<Result<Sketch, WorldError>> {
 
 fn make(name: &str, kind: &str, rest: &str) -> Result<Sketch, WorldError> {
     let remedy = "write KIND:SEED or KIND:SEED:WIDTHxHEIGHT, as in office:7 or rooms:3:40x20";
-    let (seed, size) = match rest.split_once(':') {
-        Some((seed, size)) => (seed, Some(size)),
-        None => (rest, None),
-    };
+    let mut parts = rest.split(':');
+    let seed = parts.next().unwrap_or_default();
+    let (mut size, mut people) = (None, 0);
+    for part in parts {
+        match part.strip_prefix("people=") {
+            Some(count) => {
+                let count = count.parse().ok().filter(|count| *count <= crowd::MOST);
+                let reason = format!("\"{part}\": a world has at most {} people", crowd::MOST);
+                people =
+                    count.ok_or_else(|| WorldError::of_file(name, reason, "write for example office:7:people=12"))?;
+            }
+            None if size.is_none() => size = Some(part),
+            None => return Err(WorldError::of_file(name, format!("\"{part}\" is one word too many"), remedy)),
+        }
+    }
     let usual = match kind {
         "office" => Size { width_m: 32.0, height_m: 14.0 },
         "corridors" => Size { width_m: 20.0, height_m: 20.0 },
@@ -83,6 +96,9 @@ fn make(name: &str, kind: &str, rest: &str) -> Result<Sketch, WorldError> {
         "corridors" => cells::add(&mut sketch, size, cells::CORRIDORS, &mut chance),
         "rooms" => cells::add(&mut sketch, size, cells::ROOMS, &mut chance),
         _ => cave::add(&mut sketch, size, &mut chance),
+    }
+    if people > 0 {
+        sketch.crowds.push(Crowd { count: people, seed, sees_robots: true });
     }
     Ok(sketch)
 }

@@ -5,6 +5,9 @@
 mod pty;
 mod robot_end;
 
+pub use pty::Pty;
+pub use robot_end::Stimulus;
+
 use super::machine::Before;
 use super::process::threads;
 use super::report::{Report, Row, Value};
@@ -14,7 +17,6 @@ use super::witness::Witnesses;
 use crate::exit::Failure;
 use crate::load::{self, Changes};
 use messages::{Message, NodeStatistics, bytemuck};
-use pty::Pty;
 use robot_end::RobotEnd;
 use runtime::channel::{Expect, SampleBuffer, Tree};
 use runtime::realtime::{self, Grant};
@@ -41,11 +43,20 @@ struct Running {
 }
 
 impl Running {
-    fn start(file: Option<&Path>, name: &str, device: &str, shm: &Path, state: &Path) -> Result<Running, Failure> {
+    fn start(
+        file: Option<&Path>,
+        name: &str,
+        devices: &[String],
+        shm: &Path,
+        state: &Path,
+    ) -> Result<Running, Failure> {
         let words = state.join("run.stderr");
         let mut command = Command::new(std::env::current_exe()?);
         command.arg("run").args(file);
-        command.args(["--name", name, "--device", device, "--set", TURN_RAMP, "--json", "--svg", "none"]);
+        devices.iter().for_each(|device| {
+            command.args(["--device", device]);
+        });
+        command.args(["--name", name, "--set", TURN_RAMP, "--json", "--svg", "none"]);
         command.env("SINEW_SHM", shm).env("SINEW_STATE", state);
         command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::from(File::create(&words)?));
         Ok(Running { child: command.spawn()?, words })
@@ -72,15 +83,28 @@ impl Drop for Running {
 
 /// Runs the robot in `file` for `seconds`.
 pub fn run(file: Option<&Path>, seconds: f64, types: &[NodeType]) -> Result<Report, Failure> {
+    observe("reflex", &Scratch::new()?, file, seconds, types, Stimulus::Sonar)
+}
+
+/// Runs the robot in `file` for `seconds` and times how it answers the stimulus.
+pub fn observe(
+    bench: &'static str,
+    scratch: &Scratch,
+    file: Option<&Path>,
+    seconds: f64,
+    types: &[NodeType],
+    stimulus: Stimulus,
+) -> Result<Report, Failure> {
     let robot = load::robot(file, &Changes::default(), types)?;
-    let scratch = Scratch::new()?;
     let (shm, state) = (scratch.folder("shm")?, scratch.folder("state")?);
     let driver = robot.nodes.iter().find(|node| node.kind.layer == Layer::Drivers && node.kind.name == "p2os");
     let driver = driver.ok_or("reflex needs a robot with a p2os driver")?.instance.clone();
-    let mut end = RobotEnd::new(Pty::open()?, (seconds * MOST_PER_S) as usize + 1);
-    let device = format!("{driver}=pty:{}", end.name());
+    let packet = stimulus.packet();
+    let mut devices: Vec<String> = stimulus.device().into_iter().collect();
+    let mut end = RobotEnd::new(Pty::open()?, stimulus, (seconds * MOST_PER_S) as usize + 1);
+    devices.push(format!("{driver}=pty:{}", end.name()));
     let before = Before::now();
-    let mut running = Running::start(file, &robot.name, &device, &shm, &state)?;
+    let mut running = Running::start(file, &robot.name, &devices, &shm, &state)?;
     let measured = std::thread::scope(|scope| {
         let work = || measure(&mut end, &mut running, seconds);
         scope.spawn(work).join().unwrap_or_else(|e| std::panic::resume_unwind(e))
@@ -90,22 +114,22 @@ pub fn run(file: Option<&Path>, seconds: f64, types: &[NodeType]) -> Result<Repo
     drop(running);
     let scheduling = vec![format!("robot's end: {own}"), nodes];
     let machine = before.finish(scheduling, &seen);
-    let mut all = vec![end.times.row("reflex", 0, &seen)];
-    for (name, times) in [("reflex_direct", &end.direct), ("reflex_behind_another", &end.behind)] {
+    let mut all = vec![end.times.row(bench, 0, &seen)];
+    for (kind, times) in [("direct", &end.direct), ("behind_another", &end.behind)] {
         if !times.is_empty() {
-            all.push(times.row(name, 0, &seen));
+            all.push(times.row(&format!("{bench}_{kind}"), 0, &seen));
         }
     }
     all.extend(rows);
     let [vel, rvel, other] = end.commands;
     let mut values = histogram(&end.times);
     values.extend([
-        Value::new("lost", end.lost as f64, "SIPs without an answer in 0.5 s"),
+        Value::new("lost", end.lost as f64, "packets or scans without an answer in 0.5 s"),
         Value::new("vel_commands", vel as f64, "packets"),
         Value::new("rvel_commands", rvel as f64, "packets"),
         Value::new("other_commands", other as f64, "packets"),
     ]);
-    Ok(Report { bench: "reflex", machine, rows: all, values, targets: Vec::new(), notes: vec![note(seconds)] })
+    Ok(Report { bench, machine, rows: all, values, targets: Vec::new(), notes: vec![note(bench, packet, seconds)] })
 }
 
 /// What is measured, on a thread of its own: its scheduling and the witnesses of the time end with it.
@@ -170,14 +194,14 @@ fn histogram(times: &Times) -> Vec<Value> {
     names.zip(counts).map(|(name, count)| Value::new(name, count as f64, "answers")).collect()
 }
 
-fn note(seconds: f64) -> String {
+fn note(bench: &str, packet: &str, seconds: f64) -> String {
     format!(
-        "For {seconds} s an obstacle jumped from one side to the other with every SIP, so that the turn had to change its \
-         sign. A reflex is the time from just before the write of the SIP to just after the read of the first RVEL of the \
-         new sign, two crossings of the pseudo-terminal among it. The driver keeps 5 ms between two commands, for the firmware's \
-         sake: reflex_behind_another are the answers that another command came before within that time or after the SIP, \
-         reflex_direct the others. The next SIP follows 15 to 35 ms after the answer, at random. The turn's ramp is \
-         taken out ({TURN_RAMP}). Lateness is from the stamp of the releasing sample, or from the grid, to the step; \
+        "For {seconds} s an obstacle jumped from one side to the other with every {packet}, so that the turn had to change its \
+         sign. A {bench} is the time from just before the write of the {packet} to just after the read of the first RVEL of \
+         the new sign, two crossings of a pseudo-terminal among it. The base's driver keeps 5 ms between two commands, for the \
+         firmware's sake: {bench}_behind_another are the answers that another command came before within that time or after \
+         the {packet}, {bench}_direct the others. The next {packet} follows 15 to 35 ms after the answer, at random. The turn's \
+         ramp is taken out ({TURN_RAMP}). Lateness is from the stamp of the releasing sample, or from the grid, to the step; \
          execution is the step; both as the nodes counted them since their start, two digits exact."
     )
 }

@@ -2,6 +2,7 @@
 //! told must change its sign each time; how long that takes is the reflex.
 
 use super::pty::Pty;
+use crate::commands::bench::laser::LaserEnd;
 use crate::commands::bench::timing::Times;
 use crate::exit::Failure;
 use drivers::p2os::Text;
@@ -39,9 +40,38 @@ const REST_SIP_S: f64 = 0.01;
 /// SIPs answered before the first that counts.
 const WARM_UP: u64 = 20;
 
+/// By what the robot sees the obstacle.
+pub enum Stimulus {
+    /// The controller's own sonars.
+    Sonar,
+    /// A laser beside it.
+    Scans(LaserEnd),
+}
+
+impl Stimulus {
+    /// What carries the news of the obstacle.
+    pub fn packet(&self) -> &'static str {
+        match self {
+            Stimulus::Sonar => "SIP",
+            Stimulus::Scans(_) => "scan",
+        }
+    }
+
+    /// Driver and device beside the base's.
+    pub fn device(&self) -> Option<String> {
+        match self {
+            Stimulus::Sonar => None,
+            Stimulus::Scans(laser) => Some(format!("laser=pty:{}", laser.name())),
+        }
+    }
+}
+
 /// The controller, its end of the line, and what was measured.
 pub struct RobotEnd {
     pty: Pty,
+    stimulus: Stimulus,
+    /// When the controller reports next, where it is not the stimulus.
+    next_sip: Time,
     mcu: Mcu,
     framer: Framer,
     /// The controller's clock: goes on by a SIP's time per SIP, whatever the real time between them.
@@ -97,9 +127,11 @@ enum Heard {
 
 impl RobotEnd {
     /// A controller that waits for its client.
-    pub fn new(pty: Pty, most: usize) -> RobotEnd {
+    pub fn new(pty: Pty, stimulus: Stimulus, most: usize) -> RobotEnd {
         RobotEnd {
             pty,
+            stimulus,
+            next_sip: Time::ZERO,
             mcu: Mcu::new(flash()),
             framer: Framer::new(),
             virtual_now: Time::from_seconds(1.0),
@@ -131,6 +163,9 @@ impl RobotEnd {
                 return Err(failure);
             }
             self.listen(clock::now().after_s(0.01))?;
+            if let Stimulus::Scans(laser) = &mut self.stimulus {
+                laser.serve()?;
+            }
             if self.mcu.session() != Session::Running {
                 polled = false;
                 continue;
@@ -146,6 +181,9 @@ impl RobotEnd {
             if clock::now() >= next_sip {
                 next_sip = clock::now().after_s(SIP_MS as f64 * 1e-3);
                 self.sip()?;
+            }
+            if let Stimulus::Scans(laser) = &mut self.stimulus {
+                laser.scan(Some(false))?;
             }
         }
         let state = format!(
@@ -167,8 +205,13 @@ impl RobotEnd {
             }
             self.pause()?;
             let (near, wanted) = if self.commanded_deg_s > 0 { (LEFT_DISC, -1) } else { (RIGHT_DISC, 1) };
-            self.near = Some(near);
-            let begin = self.sip()?;
+            let begin = match &mut self.stimulus {
+                Stimulus::Scans(laser) => laser.scan(Some(near == LEFT_DISC))?,
+                Stimulus::Sonar => {
+                    self.near = Some(near);
+                    self.sip()?
+                }
+            };
             let lost_at = begin.after_s(LOST_S);
             loop {
                 self.before_answer = self.last_command;
@@ -197,6 +240,9 @@ impl RobotEnd {
         self.near = None;
         for _ in 0..REST_SIPS {
             let next = self.sip()?.after_s(REST_SIP_S);
+            if let Stimulus::Scans(laser) = &mut self.stimulus {
+                laser.scan(None)?;
+            }
             while clock::now() < next {
                 self.listen(next)?;
             }
@@ -279,6 +325,12 @@ impl RobotEnd {
         self.random ^= self.random >> 7;
         self.random ^= self.random << 17;
         let part = (self.random >> 11) as f64 / (1_u64 << 53) as f64;
+        if let Stimulus::Scans(_) = self.stimulus
+            && clock::now() >= self.next_sip
+        {
+            self.near = None;
+            self.next_sip = self.sip()?.after_s(SIP_MS as f64 * 1e-3);
+        }
         let until = clock::now().after_s(PAUSE_S.0 + part * (PAUSE_S.1 - PAUSE_S.0));
         while clock::now() < until {
             self.listen(until)?;

@@ -21,8 +21,9 @@ pub struct Line {
 
 /// Measures all of them.
 pub fn measure(part: f64) -> Result<Vec<Line>, Failure> {
-    let families: [(&str, &str, &[usize], f64); 4] = [
-        ("robots (12 rays, 140 × 60 m)", "robots", &[100, 300, 1000, 3000, 10_000], 0.0),
+    let families: [(&str, &str, &[usize], f64); 5] = [
+        ("robots (12 rays, 8.4 m² each)", "robots", &[100, 300, 1000, 3000, 10_000], 0.0),
+        ("crowding (12 rays, so many robots on 140 × 60 m)", "crowding", &[100, 300, 1000, 3000, 10_000], 0.0),
         ("rays per robot (1,000 robots)", "rays", &[4, 12, 36, 108], 0.0),
         ("map area in m² (1,000 robots)", "map", &[70, 140, 280, 560], 0.0),
         ("nodes of a whole robot", "nodes", &[0, 8, 24, 56], 8.0),

@@ -21,6 +21,9 @@ const STEPS: (usize, usize) = (10, 20_000);
 /// The hospital-like map.
 pub const HOSPITAL: &str = "office:1:140x60";
 
+/// The hall of the peer's task.
+const HALL: &str = include_str!("hall.toml");
+
 /// Arguments of the hidden command.
 #[derive(Debug, clap::Args)]
 pub struct Args {
@@ -39,7 +42,7 @@ pub struct Args {
 pub struct Measured {
     /// Simulated time over the clock's.
     pub realtime_factor: f64,
-    /// Simulated time over time on cores, times the threads.
+    /// Simulated time over the time that all threads together spent on cores: what a single core would reach.
     pub realtime_factor_core: f64,
     /// Greatest resident memory of the process [MiB].
     pub rss_mib: f64,
@@ -71,10 +74,19 @@ pub fn run(args: &Args, types: &[NodeType]) -> Result<(), Failure> {
         ["cave_sonars"] => swarm("cave:1", Kind::pioneer_with_sonars(), 100, args)?,
         ["cave_laser"] => swarm("cave:1", Kind::pioneer_with_laser(180, 8.0), 100, args)?,
         ["simple_10000"] => swarm(HOSPITAL, Kind::simple(12, 2.0), 10_000, args)?,
-        ["peer_task"] => swarm("office:1:50x50", Kind::pioneer_with_laser(180, 10.0), 50, args)?,
+        ["simple_100000"] => swarm("office:1:440x190", Kind::simple(12, 2.0), 100_000, args)?,
+        ["peer_task"] => swarm_steps(peer_task()?, args)?,
         ["wander"] => whole(0, args, types)?,
+        ["missions", count] => return super::missions::run(number(count)?, args.threads, types),
         // Rows of the growth table.
-        ["robots", count] => swarm(HOSPITAL, Kind::simple(12, 2.0), number(count)?, args)?,
+        ["robots", count] => {
+            // The map grows with them: as many per area as in the hospital with 1,000.
+            let count: usize = number(count)?;
+            let width_m = 140.0 * (count as f64 / 1000.0).sqrt();
+            let world = format!("office:1:{width_m:.1}x{:.1}", width_m * 3.0 / 7.0);
+            swarm(&world, Kind::simple(12, 2.0), count, args)?
+        }
+        ["crowding", count] => swarm(HOSPITAL, Kind::simple(12, 2.0), number(count)?, args)?,
         ["rays", count] => swarm(HOSPITAL, Kind::simple(number(count)?, 2.0), 1000, args)?,
         ["map", width] => {
             let width: usize = number(width)?;
@@ -94,13 +106,23 @@ fn number(text: &str) -> Result<usize, Failure> {
 fn swarm(world: &str, kind: Kind, count: usize, args: &Args) -> Result<Measured, Failure> {
     let world = World::load(world, &mut |file| std::fs::read(file).map_err(|e| e.to_string()))
         .map_err(|e| Failure::from(e.to_string()))?;
-    let mut swarm = Swarm::new(world, kind, count, STEP_S, 1).map_err(|e| Failure::from(e.to_string()))?;
+    swarm_steps(Swarm::new(world, kind, count, STEP_S, 1).map_err(|e| Failure::from(e.to_string()))?, args)
+}
+
+fn swarm_steps(mut swarm: Swarm, args: &Args) -> Result<Measured, Failure> {
     swarm.use_threads(args.threads).map_err(|e| Failure::from(e.to_string()))?;
     (0..WARM_UP).for_each(|_| swarm.step());
     measure(args, STEP_S, || {
         swarm.step();
         Ok(())
     })
+}
+
+/// What the peer is asked to do too: 50 robots with 180 rays in a furnished hall.
+pub fn peer_task() -> Result<Swarm, Failure> {
+    let world = World::load("hall.toml", &mut |_| Ok(HALL.as_bytes().to_vec()));
+    let world = world.map_err(|e| Failure::from(e.to_string()))?;
+    Swarm::new(world, Kind::pioneer_with_laser(180, 10.0), 50, STEP_S, 1).map_err(|e| Failure::from(e.to_string()))
 }
 
 /// The whole built-in robot; `more` nodes beside its own.
@@ -136,13 +158,13 @@ fn measure(args: &Args, step_s: f64, mut step: impl FnMut() -> Result<(), Failur
     }
     let wall_s = clock::now().since(begin).max(1e-9);
     let core_s = ((on_core_ns() - begin_ns) as f64 * 1e-9).max(1e-9);
-    let simulated_s = step_s * times_us.len() as f64;
+    let [realtime_factor, realtime_factor_core] = factors(step_s * times_us.len() as f64, wall_s, core_s);
     times_us.sort_by(f64::total_cmp);
     let n = times_us.len();
     let at = |share: f64| times_us[((n as f64 * share) as usize).min(n - 1)];
     Ok(Measured {
-        realtime_factor: simulated_s / wall_s,
-        realtime_factor_core: simulated_s / core_s * args.threads as f64,
+        realtime_factor,
+        realtime_factor_core,
         rss_mib: greatest_rss_mib(),
         threads: args.threads,
         step_us: [at(0.5), at(0.99), at(1.0)],
@@ -150,10 +172,26 @@ fn measure(args: &Args, step_s: f64, mut step: impl FnMut() -> Result<(), Failur
     })
 }
 
+/// Simulated time over the clock's and over that of all threads on cores.
+fn factors(simulated_s: f64, wall_s: f64, core_s: f64) -> [f64; 2] {
+    [simulated_s / wall_s, simulated_s / core_s]
+}
+
 /// Greatest resident memory of this process so far [MiB].
-fn greatest_rss_mib() -> f64 {
+pub fn greatest_rss_mib() -> f64 {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
     let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"));
     let kib = line.and_then(|rest| rest.split_whitespace().next()).and_then(|text| text.parse::<f64>().ok());
     kib.unwrap_or_default() / 1024.0
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_factor_per_core_counts_the_time_of_all_threads_and_no_thread_twice() {
+        // 60 s were simulated in 6 s by the clock; two threads were busy for 5 s each.
+        assert_eq!(factors(60.0, 6.0, 10.0), [10.0, 6.0]);
+    }
 }

@@ -1,0 +1,7 @@
+#![no_main]
+
+#[path = "../files.rs"]
+#[allow(dead_code)] // each binary runs one target
+mod files;
+
+libfuzzer_sys::fuzz_target!(|data: &[u8]| files::laser_clients(data));
