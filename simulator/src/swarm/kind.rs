@@ -57,10 +57,10 @@ impl Few {
         let (x_m, y_m) = (disc.x_m as f32, disc.y_m as f32);
         for (chunk, lanes) in self.lanes.iter().enumerate() {
             let mut near = [false; LANES];
-            for k in 0..LANES {
+            for (k, near) in near.iter_mut().enumerate() {
                 let beside_m = lanes.x[k] * y_m - lanes.y[k] * x_m - lanes.beside_m[k];
                 let ahead_m = lanes.x[k] * x_m + lanes.y[k] * y_m - lanes.begin_m[k];
-                near[k] = (beside_m.abs() <= self.near_m) & (ahead_m >= -ROUNDING_M);
+                *near = (beside_m.abs() <= self.near_m) & (ahead_m >= -ROUNDING_M);
             }
             if near != [false; LANES] {
                 (0..LANES).filter(|k| near[*k]).for_each(|k| each(chunk * LANES + k));
