@@ -124,18 +124,18 @@ mod tests {
     fn the_rays_between_two_bearings_are_found_across_the_back_too() {
         let runs = |fan: &Fan, from_rad: f64, to_rad: f64| {
             let mut runs = Vec::new();
-            fan.between(from_rad, to_rad, |run| runs.push(run));
+            fan.between(from_rad, to_rad, |run| runs.push((run.start, run.end)));
             runs
         };
         let half = Fan::new(Point::ZERO, -FRAC_PI_2, PI / 180.0, 181);
-        assert_eq!(runs(&half, -0.01, 0.01), [90..91]);
-        assert_eq!(runs(&half, 1.0, 4.0), [148..181]);
+        assert_eq!(runs(&half, -0.01, 0.01), [(90, 91)]);
+        assert_eq!(runs(&half, 1.0, 4.0), [(148, 181)]);
         assert_eq!(runs(&half, 2.0, 4.0), []);
-        assert_eq!(runs(&half, 2.0, 5.0), [0..17]);
+        assert_eq!(runs(&half, 2.0, 5.0), [(0, 17)]);
         let around = Fan::new(Point::ZERO, 0.0, TAU / 12.0, 12);
-        assert_eq!(runs(&around, -0.1, 0.1), [0..1]);
-        assert_eq!(runs(&around, -0.6, 0.6), [0..2, 11..12]);
-        assert_eq!(runs(&around, 3.0, 3.3), [6..7]);
-        assert_eq!(runs(&around, -3.3, -3.0), [6..7]);
+        assert_eq!(runs(&around, -0.1, 0.1), [(0, 1)]);
+        assert_eq!(runs(&around, -0.6, 0.6), [(0, 2), (11, 12)]);
+        assert_eq!(runs(&around, 3.0, 3.3), [(6, 7)]);
+        assert_eq!(runs(&around, -3.3, -3.0), [(6, 7)]);
     }
 }

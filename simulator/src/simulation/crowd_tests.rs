@@ -43,8 +43,10 @@ fn run(simulation: &mut Simulation, seconds: f64) {
     }
 }
 
-fn walls(lines: &[((f64, f64), (f64, f64))]) -> Map {
-    let wall = |((ax, ay), (bx, by)): &((f64, f64), (f64, f64))| Wall {
+type Pair = (f64, f64);
+
+fn walls(lines: &[(Pair, Pair)]) -> Map {
+    let wall = |((ax, ay), (bx, by)): &(Pair, Pair)| Wall {
         segment: Segment::new(Point::new(*ax, *ay), Point::new(*bx, *by)),
         rough: false,
     };
