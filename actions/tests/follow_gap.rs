@@ -165,9 +165,34 @@ fn a_cylinder_that_crosses_is_waited_for_only_when_it_is_tracked() {
         see(&mut bench, 1.02, driving, &open);
         proposal(&bench)
     };
-    let (told, not_told) = (run(""), run("tracking = false"));
+    let (told, not_told) = (run("watch_s = 0.0"), run("tracking = false"));
     assert!(not_told.forward.value > 1.5 && not_told.turn.value.abs() < 0.3, "{not_told:?}");
     assert!(told.forward.value < 1.4 || told.turn.value.abs() > 0.5, "{told:?}");
+}
+
+#[test]
+fn from_rest_it_first_watches_what_moves_and_at_speed_it_does_not_stop_for_that() {
+    let open = beams(50.0, 0.0, 0.0);
+    let run = |config: &str, speed_m_s: f64, seconds: f64, tracks: bool| {
+        let mut bench = bench(config);
+        let velocity = Twist { linear_x_m_s: speed_m_s, ..Twist::default() };
+        let here = Odometry { velocity, ..Odometry::default() };
+        see(&mut bench, 1.0, here, &open);
+        order(&mut bench, 1.01, "goto", &goal(8.0, 0.0));
+        for k in 1..=(seconds / 0.02) as usize {
+            let s = 1.0 + 0.02 * k as f64;
+            if tracks {
+                bench.feed("tracks", at(s), &Tracks::default(), &[]);
+            }
+            see(&mut bench, s, here, &open);
+        }
+        proposal(&bench).forward.value
+    };
+    assert_eq!(run("", 0.0, 0.5, true), 0.0, "it watches");
+    assert!(run("", 0.0, 1.5, true) > 0.1, "it has watched");
+    assert!(run("", 0.0, 0.5, false) > 0.1, "nobody tells what moves");
+    assert!(run("tracking = false", 0.0, 0.5, true) > 0.1, "it does not ask what moves");
+    assert!(run("", 1.5, 0.5, true) > 1.0, "it drives already");
 }
 
 #[test]

@@ -1,5 +1,6 @@
 //! Runs of a whole robot in the simulated host: one run per seed, spread over the cores, results in order of seeds.
 
+use crate::batch::Faults;
 use crate::exit::Failure;
 use drivers::p2os::protocol::STOP_PACKETS;
 use messages::{Beam, Command, FreeSectors, Message, NodeStatistics, Ranges, Truth, bytemuck};
@@ -9,7 +10,7 @@ use runtime::{Layer, OpenError, SimulatedHost, Time, clock};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
-use supervisor::{FaultRates, SupervisedHost};
+use supervisor::SupervisedHost;
 
 /// What became of one run, or of all together.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -140,10 +141,10 @@ const RECORDED_LOOKS: u32 = 5;
 /// Every so manieth truth becomes a point of the track.
 const TRACK_EVERY: u64 = 10;
 
-/// One run of `robot` for `seconds` from `seed`, with faults at these rates, if any.
-pub fn run(robot: &Robot, seed: u64, seconds: f64, faults: Option<FaultRates>) -> Result<Run, OpenError> {
+/// One run of `robot` for `seconds` from `seed`, under the supervisor's policy with these faults, if any.
+pub fn run(robot: &Robot, seed: u64, seconds: f64, faults: Option<&Faults>) -> Result<Run, OpenError> {
     match faults {
-        Some(rates) => run_under_faults(robot, seed, seconds, rates),
+        Some(faults) => run_under_faults(robot, seed, seconds, faults),
         None => run_slices(robot, seed, seconds, 1, &mut |_| {}),
     }
 }
@@ -204,11 +205,11 @@ fn node_statistics(host: &SimulatedHost) -> Vec<(String, NodeStatistics)> {
     nodes.filter_map(|(index, node)| Some((node.path(), host.statistics(index)?))).collect()
 }
 
-/// One run under the supervisor's policy, with faults at these rates.
-fn run_under_faults(robot: &Robot, seed: u64, seconds: f64, rates: FaultRates) -> Result<Run, OpenError> {
+/// One run under the supervisor's policy, with these faults.
+fn run_under_faults(robot: &Robot, seed: u64, seconds: f64, faults: &Faults) -> Result<Run, OpenError> {
     let started = clock::now();
     let end = Time::from_seconds(seconds);
-    let mut supervised = SupervisedHost::new(robot, seed, Time::ZERO, rates, &last_will)?;
+    let mut supervised = SupervisedHost::new(robot, seed, Time::ZERO, faults.of(robot, seed, seconds), &last_will)?;
     let mut watch = Watch::new(supervised.host());
     let mut stopped: Option<Time> = None;
     while supervised.host().now() < end {
@@ -219,8 +220,10 @@ fn run_under_faults(robot: &Robot, seed: u64, seconds: f64, rates: FaultRates) -
         watch.collect(stopped.filter(|_| latched).map(|since| since.after_s(RAMP_S)));
         stopped = if latched { stopped.or(Some(supervised.host().now())) } else { None };
     }
+    let nodes = robot.nodes.iter().enumerate().map(|(index, node)| (node.path(), supervised.statistics(index)));
+    let nodes = nodes.collect();
     supervised.stop();
-    let mut run = watch.finish(seed, seconds, clock::now().since(started).max(1e-9));
+    let mut run = Run { nodes, ..watch.finish(seed, seconds, clock::now().since(started).max(1e-9)) };
     let told = supervised.chronicle();
     let result = FaultResult {
         injected: told.faults,
@@ -259,7 +262,7 @@ pub fn run_all(
     robot: &Robot,
     seeds: std::ops::Range<u64>,
     seconds: f64,
-    faults: Option<FaultRates>,
+    faults: Option<&Faults>,
     jobs: usize,
     record: &(dyn Fn(u64) -> Option<PathBuf> + Sync),
     done: &(dyn Fn(usize) + Sync),

@@ -2,9 +2,10 @@
 #![allow(clippy::unwrap_used, reason = "tests")]
 
 use runtime::robot::{Override, Resources, Robot};
+use sinew::batch::Faults;
 use sinew::built_in::{PIONEER, node_types};
 use sinew::simulation::{Run, run, run_all};
-use supervisor::FaultRates;
+use supervisor::{FaultRates, PlannedFault};
 
 fn pioneer(changes: &[(&str, &str)]) -> Robot {
     let types = node_types(&[]);
@@ -13,6 +14,10 @@ fn pioneer(changes: &[(&str, &str)]) -> Robot {
     let changes: Vec<Override> =
         changes.iter().map(|(key, value)| Override { key: (*key).into(), value: (*value).into() }).collect();
     robot.with_overrides(&changes, &types).unwrap()
+}
+
+fn chaos() -> Faults {
+    FaultRates::CHAOS.into()
 }
 
 fn judge(run: &Run) -> bool {
@@ -25,7 +30,7 @@ fn judge(run: &Run) -> bool {
 #[test]
 fn no_fault_makes_the_robot_touch_anything_or_lets_an_emergency_stop_go() {
     let jobs = std::thread::available_parallelism().map_or(1, usize::from);
-    let runs = run_all(&pioneer(&[]), 0..500, 60.0, Some(FaultRates::CHAOS), jobs, &|_| None, &|_| {}).unwrap();
+    let runs = run_all(&pioneer(&[]), 0..500, 60.0, Some(&chaos()), jobs, &|_| None, &|_| {}).unwrap();
     let failing: Vec<u64> = runs.iter().filter(|run| !judge(run)).map(|run| run.result.seed).collect();
     assert_eq!(failing, [] as [u64; 0], "each replays exactly: sinew simulate --seeds N..N+1 --faults chaos");
     let sum = |of: fn(&sinew::simulation::FaultResult) -> u64| {
@@ -45,7 +50,7 @@ fn the_same_missions_without_a_stop_zone_do_touch_things() {
         ("nodes.steer_clear.period_ms", "1000"),
         ("nodes.steer_clear.trigger", "[]"),
     ];
-    let runs = run_all(&pioneer(&blind), 0..10, 60.0, Some(FaultRates::CHAOS), 2, &|_| None, &|_| {}).unwrap();
+    let runs = run_all(&pioneer(&blind), 0..10, 60.0, Some(&chaos()), 2, &|_| None, &|_| {}).unwrap();
     assert!(runs.iter().any(|run| run.result.contacts_caused > 0));
 }
 
@@ -53,7 +58,7 @@ fn the_same_missions_without_a_stop_zone_do_touch_things() {
 fn a_seed_replays_exactly_and_another_one_differs() {
     let robot = pioneer(&[]);
     let once = |seed| {
-        let run = run(&robot, seed, 20.0, Some(FaultRates::CHAOS)).unwrap();
+        let run = run(&robot, seed, 20.0, Some(&chaos())).unwrap();
         (run.result.hash.clone(), run.result.faults.clone())
     };
     let (first, again, other) = (once(3), once(3), once(4));
@@ -65,7 +70,7 @@ fn a_seed_replays_exactly_and_another_one_differs() {
 fn without_faults_the_supervised_robot_does_what_the_unsupervised_does() {
     let robot = pioneer(&[]);
     let plain = run(&robot, 5, 30.0, None).unwrap().result;
-    let supervised = run(&robot, 5, 30.0, Some(FaultRates::default())).unwrap().result;
+    let supervised = run(&robot, 5, 30.0, Some(&Faults::default())).unwrap().result;
     assert_eq!(plain.hash, supervised.hash);
     assert_eq!(supervised.faults.unwrap().restarts, 0);
 }
@@ -74,6 +79,21 @@ fn without_faults_the_supervised_robot_does_what_the_unsupervised_does() {
 fn a_driver_that_dies_too_often_is_given_up_and_the_robot_holds() {
     let robot = pioneer(&[("nodes.base.care.restarts", "0")]);
     let rates = FaultRates { deaths: 30.0, ..FaultRates::default() };
-    let faults = run(&robot, 1, 60.0, Some(rates)).unwrap().result.faults.unwrap();
+    let faults = run(&robot, 1, 60.0, Some(&rates.into())).unwrap().result.faults.unwrap();
     assert!(faults.given_up >= 1 && faults.limps_holds_stops[1] >= 1, "{faults:?}");
+}
+
+#[test]
+fn the_list_of_a_seeds_faults_does_what_its_rates_do() {
+    let robot = pioneer(&[]);
+    let list: Vec<PlannedFault> = chaos().of(&robot, 9, 30.0);
+    let drawn = run(&robot, 9, 30.0, Some(&chaos())).unwrap().result;
+    let listed = run(&robot, 9, 30.0, Some(&list.clone().into())).unwrap().result;
+    assert_eq!((drawn.hash.clone(), drawn.faults), (listed.hash, listed.faults));
+    // One less leaves everything before it as it was, and what it did is missed.
+    let death = list.iter().position(|fault| matches!(fault, PlannedFault::Death { .. })).unwrap();
+    let mut fewer = list;
+    fewer.remove(death);
+    let other = run(&robot, 9, 30.0, Some(&fewer.into())).unwrap().result;
+    assert_ne!(other.hash, drawn.hash);
 }

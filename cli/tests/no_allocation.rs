@@ -55,7 +55,9 @@ fn no_built_in_node_allocates_in_a_step() {
         // What no robot that comes along wires yet.
         let text = match name {
             "service" => format!(
-                "{text}[nodes.near]\ntype = \"ranges\"\ntrigger = \"ranger\"\nreads.ranger = \"/drivers/base/sonar\"\n"
+                "{text}[nodes.near]\ntype = \"ranges\"\ntrigger = \"ranger\"\nreads.ranger = \"/drivers/base/sonar\"\n\
+                 [nodes.recall]\ntype = \"recall\"\ntrigger = \"scan\"\nreads.scan = \"/perception/near/ranges\"\n\
+                 reads.odometry = \"/perception/odometry/pose\"\n"
             ),
             // A governor that decides now and then.
             "pioneer" => format!(

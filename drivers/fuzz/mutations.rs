@@ -1,27 +1,27 @@
 //! What stands in for a fuzzer where there is none: every kept seed, cut at every place, and mutations of it drawn from one
 //! seed, for a while.
 
+use runtime::clock;
 use std::fs;
 use std::path::Path;
-use std::time::{Duration, Instant};
 
 /// Mutations that are tried in any case, however slow the machine is.
 const LEAST: u32 = 200;
 
-/// The time of one target: all of `targets` take `seconds`, or a minute with SINEW_LONG=1.
-pub fn share_of(targets: usize, seconds: f64) -> Duration {
+/// The time of one target [s]: all of `targets` take `seconds`, or a minute with SINEW_LONG=1.
+pub fn share_of(targets: usize, seconds: f64) -> f64 {
     let long = std::env::var_os("SINEW_LONG").is_some_and(|value| value == "1");
-    Duration::from_secs_f64(if long { 60.0 } else { seconds } / targets as f64)
+    (if long { 60.0 } else { seconds }) / targets as f64
 }
 
 /// Runs the corpus of `name` and what is made of it through `target`.
-pub fn run(name: &str, target: fn(&[u8]), time: Duration) {
+pub fn run(name: &str, target: fn(&[u8]), seconds: f64) {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join(CORPUS).join(name);
     let mut files: Vec<_> = fs::read_dir(&folder).unwrap().map(|entry| entry.unwrap().path()).collect();
     files.sort();
     let seeds: Vec<Vec<u8>> = files.iter().map(|file| fs::read(file).unwrap()).collect();
     assert!(seeds.len() >= 2, "{} has {} seeds", folder.display(), seeds.len());
-    let begun = Instant::now();
+    let begun = clock::now();
     for seed in &seeds {
         target(seed);
         let step = seed.len().div_ceil(64).max(1);
@@ -38,7 +38,7 @@ pub fn run(name: &str, target: fn(&[u8]), time: Duration) {
         (random >> 33) as usize % below.max(1)
     };
     let mut tried = 0;
-    while tried < LEAST || begun.elapsed() < time {
+    while tried < LEAST || clock::now().since(begun) < seconds {
         let mut bytes = seeds[draw(seeds.len())].clone();
         for _ in 0..=draw(4) {
             mutate(&mut bytes, &seeds, &mut draw);

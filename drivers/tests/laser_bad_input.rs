@@ -15,6 +15,9 @@ const STEP_S: f64 = 0.025;
 /// What comes in the place of a scan: the sound one and the one before go in.
 type Change = fn(&[u8], &[u8]) -> Vec<u8>;
 
+/// The value of a beam in the k-th scan.
+type Values = fn(usize, u32) -> u32;
+
 /// Driver and laser, joined by a memory link.
 struct Rig<N: Node, S> {
     bench: Bench<N>,
@@ -24,7 +27,7 @@ struct Rig<N: Node, S> {
     k: u32,
     before: Vec<u8>,
     change: Change,
-    values: fn(usize, u32) -> u32,
+    values: Values,
     faults: Vec<String>,
     newest: Time,
 }
@@ -96,7 +99,7 @@ impl<N: Node, S: Scanner> Rig<N, S> {
 struct Case {
     name: &'static str,
     change: Change,
-    values: fn(usize, u32) -> u32,
+    values: Values,
     link: Link,
     echoes: &'static [Echo],
     fault: &'static str,
@@ -262,7 +265,7 @@ fn another_model_is_foreign_and_said_once() {
 
 #[test]
 fn codes_that_are_no_distance_say_why() {
-    fn run<N: Node, S: Scanner + Default>(table: &[(fn(usize, u32) -> u32, Echo)]) {
+    fn run<N: Node, S: Scanner + Default>(table: &[(Values, Echo)]) {
         for (values, echo) in table {
             let mut rig = Rig::<N, S>::new(S::default());
             rig.values = *values;

@@ -90,7 +90,7 @@ pub use robot_plan::{Crew, RobotPlan};
 pub use rule::{Restart, Rule};
 pub use run::{SuperviseError, run, run_prepared};
 pub use severity::{Cause, CauseKind, Clear, Severity};
-pub use simulated::{Chronicle, FaultRates, SupervisedHost};
+pub use simulated::{Chronicle, FaultRates, PlannedFault, SupervisedHost, When};
 pub use state::{NodeState, RobotState};
 pub use status::{NodeStatus, Status};
 pub use supervise::supervise;

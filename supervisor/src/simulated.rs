@@ -7,18 +7,18 @@
 //! stands at `/supervisor/robot/state` as on a live robot.
 
 mod faults;
+mod inject;
+mod planned;
 
 pub use faults::FaultRates;
+pub use planned::{PlannedFault, When};
 
 use std::collections::BTreeMap;
 
-use faults::{Fault, Faults};
-use messages::{SupervisorState, bytemuck};
-use rand_core::{Rng, SeedableRng};
-use rand_pcg::Pcg64Mcg;
-use runtime::channel::{Claim, Death, Geometry, RawReader, RawWriter};
+use messages::{NodeStatistics, SupervisorState, bytemuck};
+use runtime::channel::{Claim, Geometry, RawReader, RawWriter};
 use runtime::robot::Robot;
-use runtime::{ExecutionModel, Layer, OpenError, STATE_DEPTH, SUPERVISOR_STATE, SimulatedHost, Time};
+use runtime::{ExecutionModel, OpenError, STATE_DEPTH, SUPERVISOR_STATE, SimulatedHost, Time};
 
 use crate::beats::BEATS_PER_LIMIT;
 use crate::event::{Action, Event, IncidentKind, Request};
@@ -34,8 +34,6 @@ pub const LOOK_S: f64 = 0.01;
 const BEAT_S: f64 = 0.1 / BEATS_PER_LIMIT as f64;
 /// Looks between two of deadlines and ages.
 const SLOW_LOOKS: u64 = 10;
-/// Code of the emergency stops that faults raise.
-const STOP_CODE: u16 = 1;
 
 /// What happened in a supervised run.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -75,8 +73,13 @@ pub struct SupervisedHost {
     host: SimulatedHost,
     policy: Policy,
     crews: Vec<Crew>,
-    faults: Faults,
-    rates: FaultRates,
+    /// By time; the first of them that is still to come.
+    faults: Vec<PlannedFault>,
+    upcoming: usize,
+    start: Time,
+    seed: u64,
+    /// The lines lose bytes until then.
+    burst_until: Time,
     /// By time and number of entry.
     agenda: BTreeMap<(Time, u64), Later>,
     entries: u64,
@@ -92,17 +95,18 @@ pub struct SupervisedHost {
     beating: Vec<bool>,
     died_at: Vec<Option<Time>>,
     wills: Vec<Option<&'static [u8]>>,
-    stop_cause: Option<usize>,
+    /// What each node did in its former lives.
+    former: Vec<NodeStatistics>,
     chronicle: Chronicle,
 }
 
 impl SupervisedHost {
-    /// `robot` from `seed`, with faults at these rates. `will` gives the bytes that stop the device of a node type.
+    /// `robot` from `seed`, with these faults. `will` gives the bytes that stop the device of a node type.
     pub fn new(
         robot: &Robot,
         seed: u64,
         start: Time,
-        rates: FaultRates,
+        mut faults: Vec<PlannedFault>,
         will: &dyn Fn(&str) -> Option<&'static [u8]>,
     ) -> Result<SupervisedHost, OpenError> {
         let host = SimulatedHost::with_execution(robot, seed, start, ExecutionModel::default())?;
@@ -121,10 +125,14 @@ impl SupervisedHost {
         });
         let count = plan.crews.len();
         let wills = plan.crews.iter().map(|crew| crew.nodes.iter().find_map(|&node| will(robot.nodes[node].kind.name)));
+        faults.sort_by(|a, b| a.at_s().total_cmp(&b.at_s()));
         let mut supervised = SupervisedHost {
             policy: Policy::supervising(plan.supervision),
-            faults: Faults::new(rates, seed, start),
-            rates,
+            faults,
+            upcoming: 0,
+            start,
+            seed,
+            burst_until: start,
             agenda: BTreeMap::new(),
             entries: 0,
             looks: 0,
@@ -138,7 +146,7 @@ impl SupervisedHost {
             beating: vec![true; count],
             died_at: vec![None; count],
             wills: wills.collect(),
-            stop_cause: None,
+            former: vec![NodeStatistics::default(); robot.nodes.len()],
             chronicle: Chronicle::default(),
             crews: plan.crews,
             host,
@@ -166,14 +174,35 @@ impl SupervisedHost {
         &self.chronicle
     }
 
+    /// How node `index` kept time in all of its lives; the times are those of this one.
+    pub fn statistics(&self, index: usize) -> NodeStatistics {
+        let now = self.host.statistics(index).unwrap_or_default();
+        let before = &self.former[index];
+        NodeStatistics {
+            steps: before.steps + now.steps,
+            skipped: before.skipped + now.skipped,
+            missed_deadlines: before.missed_deadlines + now.missed_deadlines,
+            faults: before.faults + now.faults,
+            dropped: before.dropped + now.dropped,
+            execution_s: if now.steps > 0 { now.execution_s } else { before.execution_s },
+            ..now
+        }
+    }
+
+    /// Keeps what a node did, whose life is about to end.
+    fn remember(&mut self, index: usize) {
+        if self.host.alive(index) {
+            self.former[index] = self.statistics(index);
+        }
+    }
+
     /// Runs up to `until`.
     pub fn run_until(&mut self, until: Time) {
         loop {
             let now = self.host.now();
             let timer = self.policy.next_timer().map(|at| at.max(self.absent_until));
             let agenda = self.agenda.keys().next().map(|&(at, _)| at);
-            let next =
-                [timer, agenda, self.faults.next(), Some(self.look)].into_iter().flatten().min().unwrap_or(until);
+            let next = [timer, agenda, self.next_fault(), Some(self.look)].into_iter().flatten().min().unwrap_or(until);
             if next > until {
                 self.run_host(until);
                 if self.agenda.keys().next().is_none_or(|&(at, _)| at > until) {
@@ -189,8 +218,10 @@ impl SupervisedHost {
             }
             let now = self.host.now();
             self.serve_agenda(now);
-            if let Some(fault) = self.faults.take(now) {
-                self.inject(now, fault);
+            while self.next_fault().is_some_and(|at| at <= now) {
+                let fault = self.faults[self.upcoming].clone();
+                self.upcoming += 1;
+                self.inject(now, &fault);
             }
             if self.look <= now {
                 self.look = now.after_s(LOOK_S);
@@ -236,11 +267,13 @@ impl SupervisedHost {
                 Later::StandbyCome { crew, .. } => self.take(Event::StandbyReady { node: crew }),
                 Later::Leave(crew) => {
                     for node in self.crews[crew].nodes.clone() {
+                        self.remember(node);
                         self.host.stop_node(node);
                     }
                     self.take(Event::Died { node: crew, exit: Exit::Code(0) });
                 }
                 Later::Will(crew) => self.write_will(crew),
+                Later::EndBurst if now < self.burst_until => {}
                 Later::EndBurst => {
                     for name in self.host.links().names() {
                         self.host.links().link(&name).iter().for_each(runtime::device::MemoryLink::clear_fault);
@@ -255,6 +288,7 @@ impl SupervisedHost {
     fn bury(&mut self, crew: usize) {
         let now = self.host.now();
         for node in self.crews[crew].nodes.clone() {
+            self.remember(node);
             self.host.kill(node);
         }
         // A start that was under way died with it.
@@ -265,11 +299,11 @@ impl SupervisedHost {
             // It was dead already.
             return;
         }
-        let noticed = now.after_s(self.faults.between(0.1e-3, 2e-3));
+        let noticed = now.after_s(self.drawn_s(crew, 1, 0.1e-3, 2e-3));
         self.later(noticed, Later::Tell(Event::Died { node: crew, exit: Exit::Signal { signal: 9, core: false } }));
         if self.wills[crew].is_some() {
             // The guard lives on while the supervisor is being replaced.
-            let written = noticed.after_s(self.faults.between(0.1e-3, 5e-3));
+            let written = noticed.after_s(self.drawn_s(crew, 2, 0.1e-3, 5e-3));
             self.later(written, Later::Will(crew));
         }
     }
@@ -322,16 +356,16 @@ impl SupervisedHost {
             Action::Start { node } if self.alive(node) => {}
             Action::Start { node } => {
                 self.chronicle.restarts += 1;
-                let comes = now.after_s(self.faults.between(3e-3, 60e-3));
+                let comes = now.after_s(self.drawn_s(node, 3, 3e-3, 60e-3));
                 self.later(comes, Later::Come(node));
             }
             Action::Promote { node } => {
                 self.chronicle.restarts += 1;
-                let comes = now.after_s(self.faults.between(0.3e-3, 5e-3));
+                let comes = now.after_s(self.drawn_s(node, 4, 0.3e-3, 5e-3));
                 self.later(comes, Later::Come(node));
             }
             Action::StartStandby { node, other } => {
-                let comes = now.after_s(self.faults.between(3e-3, 60e-3));
+                let comes = now.after_s(self.drawn_s(node, 5, 3e-3, 60e-3));
                 self.later(comes, Later::StandbyCome { crew: node, other });
             }
             Action::KillStandby { node } => {
@@ -341,13 +375,13 @@ impl SupervisedHost {
             Action::Terminate { node } => {
                 // One that hangs does not hear it.
                 if !self.hangs(node) {
-                    let leaves = now.after_s(self.faults.between(1e-3, 20e-3));
+                    let leaves = now.after_s(self.drawn_s(node, 6, 1e-3, 20e-3));
                     self.later(leaves, Later::Leave(node));
                 }
             }
             Action::Kill { node } => self.bury(node),
             Action::Execute { ticket, .. } | Action::Await { ticket, .. } => {
-                let ends = now.after_s(self.faults.between(1e-3, 50e-3));
+                let ends = now.after_s(self.drawn_s(ticket as usize, 7, 1e-3, 50e-3));
                 self.later(ends, Later::Tell(Event::Outcome { ticket, success: true }));
             }
             Action::Limp { on } => self.chronicle.limps += u64::from(on),
@@ -440,77 +474,5 @@ impl SupervisedHost {
             None if std::mem::replace(&mut self.stale[crew], false) => self.take(Event::Fresh { node: crew }),
             _ => {}
         }
-    }
-
-    fn inject(&mut self, now: Time, fault: Fault) {
-        // The world is what the robot is in: it does not die.
-        let robot = self.host.robot();
-        let mortal: Vec<usize> = (0..self.crews.len())
-            .filter(|&crew| self.crews[crew].nodes.iter().all(|&node| robot.nodes[node].kind.layer != Layer::Simulator))
-            .filter(|&crew| self.alive(crew))
-            .collect();
-        let crew = mortal.get(self.faults.choose(mortal.len())).copied();
-        let kind = match fault {
-            Fault::Death { in_step } => {
-                let Some(crew) = crew else { return };
-                let nodes = &self.crews[crew].nodes;
-                let node = nodes[self.faults.choose(nodes.len())];
-                if in_step {
-                    let when = [Death::InMidWrite, Death::BeforeHead, Death::BeforeWake][self.faults.choose(3)];
-                    let writes = self.faults.choose(4) as u32;
-                    self.host.kill_in_step(node, writes, when);
-                } else {
-                    self.bury(crew);
-                }
-                0
-            }
-            Fault::Hang { seconds } => {
-                let Some(crew) = crew else { return };
-                for node in self.crews[crew].nodes.clone() {
-                    self.host.hang(node, seconds);
-                }
-                1
-            }
-            Fault::Slowdown { factor, seconds } => {
-                let Some(crew) = crew else { return };
-                for node in self.crews[crew].nodes.clone() {
-                    self.host.slow_down(node, factor, now.after_s(seconds));
-                }
-                2
-            }
-            Fault::Burst { seconds } => {
-                let share = self.rates.lost_bytes;
-                for name in self.host.links().names() {
-                    let mut random = Pcg64Mcg::seed_from_u64(self.faults.random.next_u64());
-                    let lose = move |_, _, byte| {
-                        let draw = (random.next_u64() >> 11) as f64 / (1_u64 << 53) as f64;
-                        (draw >= share).then_some(byte)
-                    };
-                    if let Some(link) = self.host.links().link(&name) {
-                        link.set_fault(lose);
-                    }
-                }
-                self.later(now.after_s(seconds), Later::EndBurst);
-                3
-            }
-            Fault::Stop => {
-                let crew = crew.unwrap_or(0);
-                self.stop_cause = Some(crew);
-                let (node, code) = (crew, STOP_CODE);
-                self.later(now, Later::Tell(Event::Raised { node, code, severity: Severity::Stop }));
-                let gone = now.after_s(self.faults.between(0.2, 2.0));
-                self.later(gone, Later::Tell(Event::Lowered { node, code }));
-                // An impatient person, and a patient one.
-                let early = now.after_s(self.faults.between(0.1, 3.0));
-                self.later(early, Later::Person);
-                self.later(gone.after_s(1.5), Later::Person);
-                4
-            }
-            Fault::Supervisor => {
-                self.absent_until = self.absent_until.max(now.after_s(self.faults.between(0.3e-3, 20e-3)));
-                5
-            }
-        };
-        self.chronicle.faults[kind] += 1;
     }
 }

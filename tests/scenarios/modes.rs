@@ -1,6 +1,8 @@
 //! S2's five op modes and the five algorithms of arbitration, each with what it does that no other does.
 
-use messages::{Axis, CoordinatorState, GotoGoal, ModeState, MoveRequest, Proposal, Room, SetMode, Trigger, Twist, Wish};
+use messages::{
+    Axis, CoordinatorState, GotoGoal, ModeState, MoveRequest, Proposal, Room, SetMode, Trigger, Twist, Wish,
+};
 use runtime::calls::TicketState;
 use runtime::robot::Robot;
 use sinew::experiments::rig::{End, OpMode, Rig, configure, service};
@@ -54,8 +56,10 @@ fn behind_a_pillar(algorithm: &str, goto_weight: f64) -> (Obeyed, Rig) {
         }
         obeyed.both += 1;
         let capped = |axis: &Axis, most: f64| axis.value.clamp(-most, most);
-        let (goto_wants, avoid_wants) =
-            ([capped(&goto.forward, 1.0), capped(&goto.turn, 1.0)], [capped(&avoid.forward, 1.0), capped(&avoid.turn, 1.0)]);
+        let (goto_wants, avoid_wants) = (
+            [capped(&goto.forward, 1.0), capped(&goto.turn, 1.0)],
+            [capped(&avoid.forward, 1.0), capped(&avoid.turn, 1.0)],
+        );
         let is = [sent.linear_x_m_s, sent.angular_z_rad_s];
         let same = |wanted: [f64; 2]| (0..2).all(|k| (is[k] - wanted[k]).abs() < 1e-3);
         let (heavy, light) = (goto_weight * goto.urgency, avoid.urgency);

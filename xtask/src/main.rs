@@ -38,6 +38,8 @@ const EXTRAS: &[Step] = &[
     step("live", &["edges/foxglove/tests/run"]),
     step("debug", &["tests/debug_and_release"]),
     step("mrpt", &["make", "--no-print-directory", "-C", "benches/peers/mrpt"]),
+    // 10,000 missions under faults, and what SINEW_LONG=1 adds to the tests: an hour.
+    step("nightly", &[".ci/nightly"]),
 ];
 
 fn main() -> ExitCode {

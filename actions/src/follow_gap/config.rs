@@ -15,6 +15,8 @@ pub struct FollowGapConfig {
     pub memory_s: f64,
     /// Whether what moves is met where it will be; otherwise it counts as standing where it is.
     pub tracking: bool,
+    /// Before it sets off for the first time it has watched for so long what moves, where tracks are wired [s].
+    pub watch_s: f64,
     /// Beams are used up to here [m].
     pub horizon_m: f64,
     /// Greatest speed that is planned; the body's own when left out [m/s].
@@ -82,6 +84,7 @@ impl Default for FollowGapConfig {
         FollowGapConfig {
             memory_s: 20.0,
             tracking: true,
+            watch_s: 1.0,
             horizon_m: 8.0,
             max_forward_m_s: None,
             max_turn_rad_s: None,
@@ -122,6 +125,7 @@ impl FollowGapConfig {
         let c = self;
         let bounds = [
             ("memory_s", c.memory_s, 0.0, 600.0),
+            ("watch_s", c.watch_s, 0.0, 10.0),
             ("horizon_m", c.horizon_m, 0.5, 100.0),
             ("max_forward_m_s", c.max_forward_m_s.unwrap_or(1.0), 0.01, 20.0),
             ("max_turn_rad_s", c.max_turn_rad_s.unwrap_or(1.0), 0.01, 20.0),

@@ -29,12 +29,10 @@ use pose::{Point, Pose};
 use rollout::Mover;
 use runtime::{CallPort, Fault, Layer, Node, OpenError, OrderPort, Ports, Reader, Sample, Time, Writer, math};
 
-/// Most movers that are planned for; the nearest count.
+/// Most movers that are planned for; what was seen first later is left out.
 const MOVERS: usize = 32;
-/// What is slower counts as standing [m/s].
-const MOVES_M_S: f64 = 0.2;
-/// What was seen first less than this ago may not move as it seems to [s].
-const KNOWN_S: f64 = 0.4;
+/// What is slower stands, for the question whether it sets off [m/s].
+const STANDS_M_S: f64 = 0.05;
 /// Progress is told this often [s].
 const REPORT_EVERY_S: f64 = 0.2;
 /// A pose is carried on by its velocity for no longer than this [s].
@@ -59,6 +57,8 @@ pub struct FollowGap {
     /// Generation and origin of the odometry's frame.
     frame: Option<(u64, u64)>,
     began: Option<Time>,
+    /// Since when it watches what moves.
+    watching: Option<Time>,
     config: FollowGapConfig,
 }
 
@@ -88,6 +88,7 @@ impl Node for FollowGap {
             answered: None,
             frame: None,
             began: None,
+            watching: None,
             config,
         })
     }
@@ -97,6 +98,7 @@ impl Node for FollowGap {
         let here = self.pose.fresh(now).and_then(|sample| Here::at(now, &sample));
         self.follow_frame(here.as_ref());
         self.obey(now, here.as_ref());
+        let watches = self.watches(now) && here.is_some_and(|here| here.velocity.0.abs() < STANDS_M_S);
         let Some(mut mission) = self.mission.take() else { return Ok(()) };
         if mission.is_cancelled() {
             mission.cancelled();
@@ -110,6 +112,7 @@ impl Node for FollowGap {
                 self.rest(now);
                 return Ok(());
             }
+            (_, Some(_)) if watches => self.propose(now, &Wish::default()),
             (_, Some(wish)) => self.propose(now, &wish),
             // Nothing fresh to decide by: stand, unless this step was released by something else than a scan.
             (None, None) => self.propose(now, &Wish::default()),
@@ -160,6 +163,7 @@ impl FollowGap {
         let Some(here) = here else { return };
         if self.frame.replace(here.frame).is_some_and(|known| known != here.frame) {
             self.planner.forget();
+            self.watching = None;
             if let Some(mission) = self.mission.take() {
                 mission.failed("the odometry's frame was moved under the order: give the goal anew");
             }
@@ -222,6 +226,15 @@ impl FollowGap {
         self.mission = Some(mission);
     }
 
+    /// Whether it has not yet seen for long enough what moves: a velocity takes some scans, and whoever sets off before
+    /// sets off blindly. Without tracks there is nothing to wait for.
+    fn watches(&mut self, now: Time) -> bool {
+        if self.config.tracking && self.watching.is_none() && self.tracks.fresh(now).is_some() {
+            self.watching = Some(now);
+        }
+        self.watching.is_some_and(|since| now.since(since) < self.config.watch_s)
+    }
+
     /// What the planner wants; `None` without a scan that has not been answered yet.
     fn plan(&mut self, now: Time, here: &Here, goal: Point, tolerance_m: f64) -> Option<Wish> {
         self.take_movers(now, here);
@@ -257,17 +270,7 @@ impl FollowGap {
             return;
         }
         let age_s = now.since(tracks.stamp).clamp(0.0, LONGEST_EXTRAPOLATION_S);
-        for track in tracks.tail.iter().filter(|track| track.moves()) {
-            let place = Point::new(track.odom_x_m, track.odom_y_m);
-            let velocity = Point::new(track.odom_velocity_x_m_s, track.odom_velocity_y_m_s);
-            let finite = place.squared().is_finite() && velocity.squared().is_finite() && track.radius_m.is_finite();
-            let counts = velocity.length_m() > MOVES_M_S && track.age_s > KNOWN_S;
-            if finite && counts && self.movers.len() < self.movers.capacity() {
-                let (id, seen) = (track.id, track.unseen_s <= 0.0);
-                let place = place.plus(velocity, age_s);
-                self.movers.push(Mover { id, seen, place, velocity, radius_m: track.radius_m });
-            }
-        }
+        self.movers.extend(movers::of_tracks(tracks.tail, age_s).take(MOVERS));
     }
 
     fn propose(&mut self, now: Time, wish: &Wish) {

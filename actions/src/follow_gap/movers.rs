@@ -7,6 +7,12 @@
 
 use super::pose::Point;
 use super::rollout::Mover;
+use messages::Track;
+
+/// What is slower counts as standing [m/s].
+const MOVES_M_S: f64 = 0.2;
+/// What was seen first less than this ago may not move as it seems to [s].
+const KNOWN_S: f64 = 0.15;
 
 /// A place that has been hit for longer was taken before any mover worth the name came [ms].
 const OLD_MS: u32 = 500;
@@ -14,6 +20,26 @@ const OLD_MS: u32 = 500;
 const OWN_M: f64 = 0.15;
 /// Most movers; later ones are left out.
 const MOST: usize = 32;
+
+/// The movers that tracks stand for, `age_s` after their stamp.
+pub fn of_tracks(tracks: &[Track], age_s: f64) -> impl Iterator<Item = Mover> {
+    tracks.iter().filter_map(move |track| of_track(track, age_s))
+}
+
+/// The mover that a track stands for; `None` for what stands or is not known well enough.
+fn of_track(track: &Track, age_s: f64) -> Option<Mover> {
+    let place = Point::new(track.odom_x_m, track.odom_y_m);
+    let velocity = Point::new(track.odom_velocity_x_m_s, track.odom_velocity_y_m_s);
+    let finite = place.squared().is_finite() && velocity.squared().is_finite() && track.radius_m.is_finite();
+    let counts = track.moves() && velocity.length_m() > MOVES_M_S && track.age_s > KNOWN_S;
+    (finite && counts).then(|| Mover {
+        id: track.id,
+        seen: track.unseen_s <= 0.0,
+        place: place.plus(velocity, age_s),
+        velocity,
+        radius_m: track.radius_m,
+    })
+}
 
 #[derive(Debug, Clone, Copy, Default)]
 struct Case {

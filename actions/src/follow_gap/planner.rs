@@ -186,6 +186,11 @@ impl Planner {
         &self.path
     }
 
+    /// The movers that were believed in the last step, for pictures.
+    pub fn movers(&self) -> &[Mover] {
+        self.movers.believed()
+    }
+
     /// What to want now.
     pub fn step(&mut self, sight: &Sight) -> Wish {
         let setup = self.setup;

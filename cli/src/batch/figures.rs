@@ -7,7 +7,7 @@ use serde::Serialize;
 pub type Metric = fn(&Mission) -> f64;
 
 /// The metrics: name, unit, value, and whether more is better (`None`: neither).
-pub const METRICS: [(&str, &str, Metric); 11] = [
+pub const METRICS: [(&str, &str, Metric); 13] = [
     ("time_s", "s", |m| m.time_s),
     ("distance_m", "m", |m| m.distance_m),
     ("mean_speed_m_s", "m/s", |m| m.speed_m_s[0]),
@@ -17,8 +17,10 @@ pub const METRICS: [(&str, &str, Metric); 11] = [
     ("mean_clearance_m", "m", |m| m.clearance_m[1]),
     ("energy_j", "J", |m| m.energy_j),
     ("contacts_caused", "", |m| m.contacts[0] as f64),
-    ("missed_deadlines", "", |m| m.missed_deadlines as f64),
-    ("cpu_share", "of a core", |m| m.cpu),
+    ("missed_deadlines", "", |m| m.missed_deadlines() as f64),
+    ("cpu_share", "of a core", Mission::cpu),
+    ("faults", "", |m| m.faults[0] as f64),
+    ("restarts", "", |m| m.faults[1] as f64),
 ];
 
 /// A metric over all missions.
@@ -42,9 +44,14 @@ impl Figures {
         METRICS
             .iter()
             .map(|(metric, unit, value)| {
-                let mut values: Vec<f64> = missions.iter().map(value).filter(|value| value.is_finite()).collect();
+                // An empty sum is −0.
+                let plus = |value: f64| value + 0.0;
+                let finite = missions.iter().map(|m| plus(value(m))).filter(|value| value.is_finite());
+                let mut values: Vec<f64> = finite.collect();
                 values.sort_by(f64::total_cmp);
                 let (mean, deviation) = mean_and_deviation(&values);
+                // What rounding alone makes of equal values is no deviation.
+                let deviation = if deviation > 1e-12 * mean.abs() { deviation } else { 0.0 };
                 let last = values.len().saturating_sub(1) as f64;
                 let at = |q: f64| values.get((q * last).round() as usize).copied().unwrap_or(f64::NAN);
                 Figures { metric, unit, mean, deviation, quantiles: [0.0, 0.05, 0.5, 0.95, 1.0].map(at) }

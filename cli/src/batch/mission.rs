@@ -5,7 +5,9 @@
 //! resistance c = 0.03; electronics and sensors draw more, the same in every mission.
 
 use super::scenario::Scenario;
-use crate::simulation::{Run, TrackPoint};
+use crate::output::count;
+use crate::simulation::{FaultResult, Run, TrackPoint};
+use messages::NodeStatistics;
 
 const MASS_KG: f64 = 9.0;
 const ROLLING: f64 = 0.03;
@@ -34,16 +36,23 @@ pub struct Mission {
     pub clearance_m: [f64; 2],
     /// See the module's text [J].
     pub energy_j: f64,
-    /// Deadlines missed by all nodes together.
-    pub missed_deadlines: u64,
-    /// Share of a core that all nodes had, by the simulated host's model of execution.
-    pub cpu: f64,
-    /// The node that had most of it, and its share.
-    pub busiest: (String, f64),
-    /// Simulated time over the time that one core took.
-    pub realtime_factor: f64,
+    /// Faults that happened, and restarts of processes.
+    pub faults: [u64; 2],
+    /// What each node cost.
+    pub nodes: Vec<NodeCost>,
     /// Hash of the run.
     pub hash: String,
+}
+
+/// What a node cost in a mission.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct NodeCost {
+    /// Its path.
+    pub path: String,
+    /// Share of a core: steps times the median of their execution time, by the simulated host's model of execution.
+    pub cpu: f64,
+    /// Deadlines missed.
+    pub missed_deadlines: u64,
 }
 
 impl Mission {
@@ -53,11 +62,13 @@ impl Mission {
         let (goals, reached_s, late) = goals(scenario, &run.track);
         let motion = Motion::of(&run.track);
         let end_s = run.track.last().map_or(0.0, |point| point.time_s);
-        let shares: Vec<(String, f64)> = run
-            .nodes
-            .iter()
-            .map(|(path, told)| (path.clone(), told.execution_s[0] * told.steps as f64 / scenario.timeout_s))
-            .collect();
+        let faults = result.faults.as_ref();
+        let cost = |(path, told): &(String, NodeStatistics)| NodeCost {
+            path: path.clone(),
+            // To the millionth: what a table says is then what was measured.
+            cpu: (told.execution_s[0] * told.steps as f64 / scenario.timeout_s * 1e6).round() / 1e6,
+            missed_deadlines: told.missed_deadlines,
+        };
         let mut mission = Mission {
             seed: result.seed,
             failure: String::new(),
@@ -69,13 +80,13 @@ impl Mission {
             jerk_m_s3: motion.jerk_m_s3,
             clearance_m: [result.least_clearance_m, motion.clearance_m],
             energy_j: motion.energy_j,
-            missed_deadlines: run.nodes.iter().map(|(_, told)| told.missed_deadlines).sum(),
-            cpu: shares.iter().map(|(_, share)| share).sum(),
-            busiest: shares.into_iter().max_by(|a, b| a.1.total_cmp(&b.1)).unwrap_or_default(),
-            realtime_factor: result.realtime_factor,
+            faults: faults.map_or([0; 2], |told| [told.injected.iter().sum(), told.restarts]),
+            nodes: run.nodes.iter().map(cost).collect(),
             hash: result.hash.clone(),
         };
-        mission.failure = late.or_else(|| mission.flaw(scenario)).unwrap_or_default();
+        let unsafe_stop = faults.and_then(unsafe_stop);
+        mission.failure =
+            mission.contact(scenario).or(unsafe_stop).or(late).or_else(|| mission.flaw(scenario)).unwrap_or_default();
         mission
     }
 
@@ -84,16 +95,41 @@ impl Mission {
         self.failure.is_empty()
     }
 
+    /// Deadlines missed by all nodes together.
+    pub fn missed_deadlines(&self) -> u64 {
+        self.nodes.iter().map(|node| node.missed_deadlines).sum()
+    }
+
+    /// Share of a core that all nodes had.
+    pub fn cpu(&self) -> f64 {
+        self.nodes.iter().map(|node| node.cpu).sum()
+    }
+
+    /// Whether both failed, and for the same reason, whatever its numbers.
+    pub fn fails_like(&self, other: &Mission) -> bool {
+        let words = |failure: &str| {
+            let letters = failure.chars().filter(|c| c.is_alphabetic()).collect::<String>();
+            // One contact or two: the same reason.
+            letters.replace("contacts", "contact").replace("stops", "stop").replace("commands", "command")
+        };
+        !self.succeeded() && words(&self.failure) == words(&other.failure)
+    }
+
+    fn contact(&self, scenario: &Scenario) -> Option<String> {
+        let success = &scenario.success;
+        let [caused, suffered] = self.contacts;
+        if caused > success.max_contacts_caused {
+            return Some(format!("{} caused", count(caused as usize, "contact")));
+        }
+        if success.max_contacts_suffered.is_some_and(|most| suffered > most) {
+            return Some(format!("{} suffered", count(suffered as usize, "contact")));
+        }
+        None
+    }
+
     fn flaw(&self, scenario: &Scenario) -> Option<String> {
         let success = &scenario.success;
         let below = |least: Option<f64>, value: f64| least.filter(|least| value < *least);
-        let [caused, suffered] = self.contacts;
-        if caused > success.max_contacts_caused {
-            return Some(format!("{caused} contacts caused"));
-        }
-        if success.max_contacts_suffered.is_some_and(|most| suffered > most) {
-            return Some(format!("{suffered} contacts suffered"));
-        }
         if let Some(least) = below(success.min_distance_m, self.distance_m) {
             return Some(format!("drove {:.2} m of {least} m", self.distance_m));
         }
@@ -103,6 +139,15 @@ impl Mission {
         let least = below(success.min_mean_speed_m_s, self.speed_m_s[0])?;
         Some(format!("mean speed {:.3} m/s below {least} m/s", self.speed_m_s[0]))
     }
+}
+
+/// What must not follow from any fault.
+fn unsafe_stop(faults: &FaultResult) -> Option<String> {
+    if faults.stops_let_go > 0 {
+        return Some(format!("{} ended without a reset", count(faults.stops_let_go as usize, "emergency stop")));
+    }
+    let moves = faults.moves_while_stopped;
+    (moves > 0).then(|| format!("{} to move under an emergency stop", count(moves as usize, "command")))
 }
 
 /// Goals reached in order, when the last one was, and why the rest was not.

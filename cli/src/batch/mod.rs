@@ -5,17 +5,22 @@
 //! the same to the last bit.
 
 mod compare;
+mod faults;
 mod figures;
+mod histogram;
 mod mission;
 mod report;
 mod scenario;
+mod shrink;
 mod table;
 
 pub use compare::{Comparison, compare};
+pub use faults::{Faults, to_toml};
 pub use figures::Figures;
-pub use mission::Mission;
+pub use mission::{Mission, NodeCost};
 pub use report::{Failed, Frame, html};
 pub use scenario::{Scenario, ScenarioError};
+pub use shrink::shrink;
 pub use table::{Table, TableError, heading, line, parse};
 
 use std::sync::Mutex;

@@ -3,12 +3,12 @@
 //! The last column, `setup`, tells robot, scenario and faults apart: a batch is only resumed, and two batches of one
 //! setup are only mixed, where it agrees.
 
-use super::mission::Mission;
+use super::mission::{Mission, NodeCost};
 
 /// The columns, in order.
 const HEADING: &str = "seed,failure,time_s,goals,contacts_caused,contacts_suffered,distance_m,mean_speed_m_s,\
-max_speed_m_s,jerk_rms_m_s3,least_clearance_m,mean_clearance_m,energy_j,missed_deadlines,cpu_share,busiest_node,\
-busiest_share,realtime_factor,hash,setup";
+max_speed_m_s,jerk_rms_m_s3,least_clearance_m,mean_clearance_m,energy_j,missed_deadlines,cpu_share,\
+faults,restarts,cpu_and_misses_by_node,hash,setup";
 
 /// A file of missions.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -52,9 +52,11 @@ pub fn heading() -> String {
 pub fn line(mission: &Mission, setup: &str) -> String {
     let m = mission;
     // Reasons and paths hold no commas or quotes; were one to, the table would still be whole.
-    let plain = |text: &str| text.replace([',', '"', '\n', '\r'], " ");
+    let plain = |text: &str| text.replace([',', '"', ';', '\n', '\r'], " ");
+    let nodes: Vec<String> =
+        m.nodes.iter().map(|node| format!("{} {} {}", plain(&node.path), node.cpu, node.missed_deadlines)).collect();
     format!(
-        "{},{},{},{},{},{},{},{},{},{},{},{},{},{},{},{},{},{},{},{}\n",
+        "{},{},{},{},{},{},{},{},{},{},{},{},{},{},{:.6},{},{},{},{},{}\n",
         m.seed,
         plain(&m.failure),
         m.time_s,
@@ -68,11 +70,11 @@ pub fn line(mission: &Mission, setup: &str) -> String {
         m.clearance_m[0],
         m.clearance_m[1],
         m.energy_j,
-        m.missed_deadlines,
-        m.cpu,
-        plain(&m.busiest.0),
-        m.busiest.1,
-        m.realtime_factor,
+        m.missed_deadlines(),
+        m.cpu(),
+        m.faults[0],
+        m.faults[1],
+        nodes.join(";"),
         m.hash,
         setup
     )
@@ -121,11 +123,20 @@ fn read(line: &str) -> Result<(Mission, String), String> {
         jerk_m_s3: real(9)?,
         clearance_m: [real(10)?, real(11)?],
         energy_j: real(12)?,
-        missed_deadlines: whole(13)?,
-        cpu: real(14)?,
-        busiest: (cells[15].to_owned(), real(16)?),
-        realtime_factor: real(17)?,
+        faults: [whole(15)?, whole(16)?],
+        nodes: cells[17]
+            .split_terminator(';')
+            .map(node)
+            .collect::<Option<_>>()
+            .ok_or_else(|| format!("{} is {:?}", names[17], cells[17]))?,
         hash: cells[18].to_owned(),
     };
     Ok((mission, cells[19].to_owned()))
+}
+
+/// "PATH SHARE MISSES"
+fn node(words: &str) -> Option<NodeCost> {
+    let (rest, missed) = words.rsplit_once(' ')?;
+    let (path, cpu) = rest.rsplit_once(' ')?;
+    Some(NodeCost { path: path.into(), cpu: cpu.parse().ok()?, missed_deadlines: missed.parse().ok()? })
 }

@@ -5,7 +5,9 @@ use messages::Truth;
 use simulator::world::World;
 
 fn mission(seed: u64, failure: &str, distance_m: f64) -> Mission {
-    Mission { seed, failure: failure.into(), distance_m, hash: format!("{seed:x}"), ..Mission::default() }
+    let cost = |path: &str, cpu| NodeCost { path: path.into(), cpu, missed_deadlines: seed };
+    let nodes = vec![cost("/drivers/base", 0.0125), cost("/motion/drive", 0.003)];
+    Mission { seed, failure: failure.into(), distance_m, hash: format!("{seed:x}"), nodes, ..Mission::default() }
 }
 
 /// A run along x at 0.5 m/s for 20 s.
@@ -134,7 +136,8 @@ fn the_report_stands_alone_and_names_every_failure_with_its_command() {
         (0..30).map(|seed| mission(seed, if seed == 4 { "1 contacts <caused>" } else { "" }, seed as f64)).collect();
     let frame =
         Frame { robot: "a & b".into(), facts: vec![("world".into(), "cave:1".into())], command: "sinew x".into() };
-    let failed = Failed { seed: 4, picture: "<svg id=\"t\"/>".into(), command: "sinew simulate --seeds 4..5".into() };
+    let failed =
+        Failed { seed: 4, picture: Some("<svg id=\"t\"/>".into()), command: "sinew simulate --seeds 4..5".into() };
     let text = html(&frame, &missions, &[failed]);
     for wanted in [
         "a &amp; b: 29 of 30 missions succeeded",
@@ -142,8 +145,10 @@ fn the_report_stands_alone_and_names_every_failure_with_its_command() {
         "1 contacts &lt;caused&gt;",
         "sinew simulate --seeds 4..5",
         "<svg id=\"t\"/>",
-        "distance_m: 0.0000 to 29.0000 m",
+        "distance <span class=\"unit\">m</span></figcaption><svg",
+        "#b3261e\"><title>1</title>",
         "cave:1",
+        "/motion/drive",
     ] {
         assert!(text.contains(wanted), "{wanted}");
     }

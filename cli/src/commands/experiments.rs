@@ -43,7 +43,8 @@ pub fn run(args: Args) -> Result<(), Failure> {
     }
     let jobs = args.jobs.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, usize::from));
     let changes = crate::load::Changes::default();
-    let robot = args.robot.as_deref().map(|file| crate::load::robot(Some(file), &changes, &node_types(&[]))).transpose()?;
+    let robot =
+        args.robot.as_deref().map(|file| crate::load::robot(Some(file), &changes, &node_types(&[]))).transpose()?;
     let extent = Extent { part: if args.quick { 0.1 } else { 1.0 }, jobs, robot };
     let mut out = Out::stdout();
     let mut missed = Vec::new();

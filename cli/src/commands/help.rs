@@ -81,15 +81,40 @@ Examples:
   sinew simulate --world office:7 --seeds 0..100   in an office made from seed 7 (also corridors, rooms, cave)
   sinew simulate --seeds 0..1000 --scenario mission.toml --csv a.csv --report a.html
                                                    a batch of missions; --resume goes on after Ctrl-C
+  sinew simulate --seeds 0..1000 --faults chaos    deaths, hangs, lost bytes, … from each seed
+  sinew simulate --seeds 7..8 --faults faults.toml --expect 0123456789abcdef
+                                                   a mission again: the same byte for byte, or exit code 1
+
+A fault file holds rates per minute (deaths, hangs, slowdowns, bursts, stops, supervisor: those of chaos are 14, 5, 5, 4,
+1, 2), bounds (in_step, hang_s, slower, slow_s, lost_bytes, burst_s), and single faults, which happen in every mission:
+  [[fault]]
+  kind = \"death\"                  at_s, node; when (at_once, mid_write, before_head, before_wake), writes
+                                    also hang (at_s, node, for_s), slowdown (… factor, for_s),
+                                    burst (at_s, share, for_s, seed), supervisor (at_s, for_s),
+                                    stop (at_s, node, gone_after_s, reset_after_s)
+Each kind draws from a random stream of its own: one kind less leaves the others as they are.
 
 JSON (--json):
   {\"runs\": [{seed, contacts_caused, contacts_suffered, distance_m, least_clearance_m, mean_speed_m_s,
              realtime_factor, hash}], \"total\": {the same keys}}
   The same seed gives the same hash, on any machine.
   With --scenario, --csv or --report: {missions: [{seed, success, failure, time_s, goals, …}], wanted, finished,
-  succeeded, figures: [{metric, unit, mean, deviation, quantiles}]}; a failed mission's exit code is 4.
+  succeeded, realtime_factor, figures: [{metric, unit, mean, deviation, quantiles}]}; a failed mission's exit code is 4.
 
-Exit code 4 when the robot caused a contact.";
+Exit code 4 when the robot caused a contact, or an emergency stop did not hold; 130 after Ctrl-C.";
+
+pub const SHRINK: &str = "\
+Examples:
+  sinew shrink --seed 38 --faults chaos             which of the seed's faults the failure needs: faults-38.toml
+  sinew shrink robots/mine --seed 38 --scenario mission.toml --faults chaos --out few.toml
+
+Give everything else as it was given to `sinew simulate`. The mission must fail for the same reason with the faults that
+are left; with any one of them left out it does not. Durations and factors are halved and times rounded as far as they
+can be. The command that is printed replays the result.
+
+JSON (--json): {seed, failure, before, after, runs, faults, file, hash, again}
+
+Exit code 4 when the seed does not fail, or fails without faults as well.";
 
 pub const BARN: &str = "\
 Examples:

@@ -31,6 +31,7 @@ mod recover;
 mod replay;
 pub mod run;
 mod schema;
+mod shrink;
 pub mod simulate;
 mod steer;
 mod top;
@@ -58,6 +59,8 @@ enum Command {
     Run(run::Args),
     #[command(after_help = help::SIMULATE)]
     Simulate(simulate::Args),
+    #[command(after_help = help::SHRINK)]
+    Shrink(shrink::Args),
     #[command(after_help = help::COMPARE)]
     Compare(compare::Args),
     #[command(after_help = help::BARN)]
@@ -163,6 +166,7 @@ fn dispatch(command: Command, types: &[NodeType]) -> Result<(), Failure> {
     match command {
         Command::Run(args) => run::run(args, types),
         Command::Simulate(args) => simulate::run(args, types),
+        Command::Shrink(args) => shrink::run(&args, types),
         Command::Compare(args) => compare::run(&args),
         Command::Barn(args) => barn::run(args, types),
         Command::Drive(args) => drive::run(args, types),

@@ -104,9 +104,8 @@ impl Series {
             Mark::Bars(width) => (0.5 * width, 0.0, true),
             Mark::Rings(radius) => (radius, radius, false),
         };
-        let corners = move |&(x, y): &(f64, f64)| {
-            [(x - aside, if from_zero { 0.0 } else { y - up }), (x + aside, y + up)]
-        };
+        let corners =
+            move |&(x, y): &(f64, f64)| [(x - aside, if from_zero { 0.0 } else { y - up }), (x + aside, y + up)];
         self.points.iter().flat_map(corners)
     }
 }

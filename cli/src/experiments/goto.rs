@@ -145,7 +145,7 @@ fn pictures(ended: &[Ended]) -> Vec<(String, String)> {
     if let Some(first) = series.first_mut() {
         first.name = "track by truth".into();
     }
-    let targets = Series::line("within 10 cm of a target", 1, drawn().map(|e| e.goal).collect());
+    let targets = Series::line("target, 10 cm", 1, drawn().map(|e| e.goal).collect());
     series.push(Series { mark: Mark::Rings(PROGRAMMED_M), ..targets });
     let map = Chart {
         title: "Goto: from the middle of the hall to random targets",

@@ -66,12 +66,8 @@ pub fn run(extent: &Extent) -> Result<Outcome, Failure> {
         ..series.clone()
     };
     let accelerations: Vec<Series> = series.iter().map(gained).collect();
-    let second = Chart {
-        title: "The same: acceleration",
-        y: "acceleration [m/s²]",
-        series: &accelerations,
-        ..chart.clone()
-    };
+    let second =
+        Chart { title: "The same: acceleration", y: "acceleration [m/s²]", series: &accelerations, ..chart.clone() };
     Ok(Outcome {
         experiment: "profiles",
         conditions: "mode 3, 3 m straight ahead, what motion sends every 20 ms",

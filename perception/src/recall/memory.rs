@@ -69,7 +69,8 @@ impl Memory {
     }
 
     fn see(&mut self, (x_m, y_m): (f64, f64), stamp: Time, place: &Place) {
-        let near = |spot: &&mut Spot| squared(spot.x_m - x_m, spot.y_m - y_m) < self.config.spacing_m * self.config.spacing_m;
+        let near =
+            |spot: &&mut Spot| squared(spot.x_m - x_m, spot.y_m - y_m) < self.config.spacing_m * self.config.spacing_m;
         let mut since = stamp;
         if let Some(spot) = self.spots.iter_mut().find(near) {
             // The place is where it was seen last: a surface seen better now.

@@ -14,11 +14,11 @@
 //! with r from the other to the person. Source of equations and numbers: Helbing and Molnár, "Social force model for
 //! pedestrian dynamics", Physical Review E 51, 4282 (1995).
 //!
-//! Added here: a robot that is seen is a person whose edge is where its outline is nearest; one that is not seen is felt
-//! when it touches, and then slid along. People step aside to the right (a push is turned by 20°) where the paper lets
-//! chance decide. Walls
-//! brake nobody by more than half the greed, so that a door of 0.9 m lets people through. The forces keep people apart
-//! in the end only; nobody's disc is let into a wall or deeper into another disc.
+//! Added here: a robot that is seen is a person whose edge is where its outline is nearest, and nobody walks nearer to it
+//! than 0.15 m; one that is not seen is felt when it touches, and then slid along. People step aside to the right (a push
+//! is turned by 20°) where the paper lets chance decide. Walls brake nobody by more than half the greed, so that a door of
+//! 0.9 m lets people through. The forces alone do not keep people apart: nobody's disc is let into a wall or deeper into
+//! another disc.
 
 use super::actor::SKIN_M;
 use super::{STEP_S, Simulation};
@@ -43,8 +43,8 @@ const PEOPLE_WITHIN_M: f64 = 5.0;
 const WALLS_WITHIN_M: f64 = 1.5;
 /// A robot that is not seen is felt when it is so near: at the skin, where a touch has been counted [m].
 const TOUCH_M: f64 = SKIN_M + 1e-4;
-/// Who gives way to a robot stays so far from its outline: more than the skin, so that nobody touches it [m].
-const KEEP_M: f64 = 0.001;
+/// Who gives way to a robot goes no nearer to its outline [m].
+const KEEP_M: f64 = 0.15;
 
 impl Simulation {
     /// What each social person feels at the beginning of a step [m/s²].

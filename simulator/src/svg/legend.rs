@@ -35,7 +35,7 @@ pub(super) fn draw(canvas: &mut Canvas, scale: f64, fastest_m_s: f64, picture: &
             "",
             if picture.ways.is_empty() { "person, at the start" } else { "person, where the way ends" },
         );
-        x += 175.0;
+        x += if picture.ways.is_empty() { 140.0 } else { 185.0 };
     }
     for (cause, words) in [(false, "contact caused"), (true, "contact suffered")] {
         let of_this_kind = |contact: &&messages::Contact| (contact.cause == ContactCause::Suffered as u64) == cause;

@@ -27,6 +27,7 @@ pub(super) fn draw(world: &World, radius_m: f64, count: usize, seed: u64) -> Res
         return Err(SwarmError::NoArea { world: world.name.clone() });
     }
     let reached = Flood::new(world, radius_m);
+    let insides = Insides::new(world);
     let mut chance = Chance::new(seed, Purpose::Swarm, usize::MAX >> 33);
     let mut taken = Taken::new(low, size, radius_m, count);
     let mut poses = Vec::with_capacity(count);
@@ -34,7 +35,10 @@ pub(super) fn draw(world: &World, radius_m: f64, count: usize, seed: u64) -> Res
         let found = (0..DRAWS).find_map(|_| {
             let place = Point::new(low.x_m + size.x_m * chance.share(), low.y_m + size.y_m * chance.share());
             let heading_rad = PI * chance.either_way();
-            let free = reached.holds(place) && is_free(world, place, radius_m + ROOM_M) && taken.is_free(place);
+            let free = reached.holds(place)
+                && is_clear(world, place, radius_m + ROOM_M)
+                && taken.is_free(place)
+                && !insides.hold(place);
             free.then_some(Pose::new(place.x_m, place.y_m, heading_rad))
         });
         let Some(pose) = found else {
@@ -44,7 +48,15 @@ pub(super) fn draw(world: &World, radius_m: f64, count: usize, seed: u64) -> Res
         taken.add(pose.place());
         poses.push(pose);
     }
+    // Who is near in space is near in memory: one after the other they look at the same walls and at each other.
+    poses.sort_by_key(|pose| along_the_curve(pose.place() - low));
     Ok(poses)
+}
+
+/// Place of a point on the Z-order curve through square metres (Morton 1966): x and y with their bits interleaved.
+fn along_the_curve(to: Point) -> u64 {
+    let (x, y) = (to.x_m as u64, to.y_m as u64);
+    (0..16).fold(0, |key, bit| key | (x >> bit & 1) << (2 * bit) | (y >> bit & 1) << (2 * bit + 1))
 }
 
 /// Refuses poses that are taken.
@@ -77,6 +89,41 @@ fn is_clear(world: &World, place: Point, radius_m: f64) -> bool {
     let mut clear = true;
     world.map.near(place, radius_m, |_| clear = false);
     clear
+}
+
+/// Insides of obstacles by columns of the world: a large one has thousands of them.
+struct Insides<'a> {
+    world: &'a World,
+    low_m: f64,
+    per_m: f64,
+    columns: Vec<Vec<u32>>,
+}
+
+impl<'a> Insides<'a> {
+    fn new(world: &'a World) -> Insides<'a> {
+        let (low, high) = world.map.extent();
+        let count = world.solids.len().clamp(1, 4096);
+        let per_m = count as f64 / (high.x_m - low.x_m).max(1e-3);
+        let mut insides = Insides { world, low_m: low.x_m, per_m, columns: vec![Vec::new(); count] };
+        for (index, solid) in world.solids.iter().enumerate() {
+            let along = solid.outline.iter().map(|corner| corner.x_m);
+            let (from, to) = (along.clone().fold(f64::INFINITY, f64::min), along.fold(f64::NEG_INFINITY, f64::max));
+            for column in insides.column(from)..=insides.column(to) {
+                insides.columns[column].push(index as u32);
+            }
+        }
+        insides
+    }
+
+    fn column(&self, x_m: f64) -> usize {
+        (((x_m - self.low_m) * self.per_m) as usize).min(self.columns.len() - 1)
+    }
+
+    /// What [`World::is_solid`] says of a place that is clear of all surfaces.
+    fn hold(&self, place: Point) -> bool {
+        // Nobody who is clear of a post's surface is within it.
+        self.columns[self.column(place.x_m)].iter().any(|index| self.world.solids[*index as usize].contains(place))
+    }
 }
 
 /// Places of the robots so far, by cells of a robot's width.

@@ -1,11 +1,15 @@
-//! Faults from a seed: what goes wrong, when, and for how long.
+//! Faults from a seed: how often what goes wrong, drawn as a list ([`PlannedFault`]).
 //!
-//! Each kind is a Poisson process of its own rate: the time to the next fault is −ln(u)/λ with u uniform in (0, 1]. One
-//! generator draws them all in the order of their times, so that a seed replays exactly.
+//! Each kind is a Poisson process of its own rate: the time to the next fault is −ln(u)/λ with u uniform in (0, 1]. Each
+//! kind draws from a random stream of its own, and each fault draws the same number of times: without one kind, or with
+//! one fault taken out of the list, all others stay what they are.
 
+use super::planned::{PlannedFault, When};
+use crate::robot_plan::RobotPlan;
 use rand_core::{Rng, SeedableRng};
 use rand_pcg::Pcg64Mcg;
-use runtime::{Time, math};
+use runtime::robot::Robot;
+use runtime::{Layer, math};
 use serde::Deserialize;
 
 /// How often what goes wrong. Rates are per minute of the whole robot; all are zero where nothing is said.
@@ -92,87 +96,99 @@ impl FaultRates {
             ("stops", self.stops),
             ("supervisor", self.supervisor),
         ];
-        let wrong = others.into_iter().find(|(_, value)| !(0.0..=1e6).contains(value));
-        wrong.map(|(key, value)| format!("{key} is {value}: it must be a number, zero or greater"))
+        let wrong = others.into_iter().find(|(_, value)| !(0.0..=MOST).contains(value));
+        wrong.map(|(key, value)| format!("{key} is {value}: it must be a number between 0 and {MOST}"))
     }
 
-    fn rates(&self) -> [f64; 6] {
-        [self.deaths, self.hangs, self.slowdowns, self.bursts, self.stops, self.supervisor]
+    /// The faults of `robot`'s first `seconds` from `seed`, by time.
+    pub fn draw(&self, robot: &Robot, seed: u64, seconds: f64) -> Vec<PlannedFault> {
+        self.draw_for(&mortal(robot), seed, seconds)
     }
-}
 
-/// One thing that goes wrong.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) enum Fault {
-    Death { in_step: bool },
-    Hang { seconds: f64 },
-    Slowdown { factor: f64, seconds: f64 },
-    Burst { seconds: f64 },
-    Stop,
-    Supervisor,
-}
-
-/// Draws one fault after another.
-#[derive(Debug, Clone)]
-pub(super) struct Faults {
-    rates: FaultRates,
-    pub random: Pcg64Mcg,
-    next: Option<Time>,
-}
-
-impl Faults {
-    pub fn new(rates: FaultRates, seed: u64, start: Time) -> Faults {
-        let random = Pcg64Mcg::seed_from_u64(seed ^ 0x6661_756c_7473_0a01);
-        let mut faults = Faults { rates, random, next: None };
-        faults.draw_time(start);
+    /// The same for processes of these nodes.
+    fn draw_for(&self, targets: &[Vec<String>], seed: u64, seconds: f64) -> Vec<PlannedFault> {
+        let rates = [self.deaths, self.hangs, self.slowdowns, self.bursts, self.stops, self.supervisor];
+        let mut faults = Vec::new();
+        for (kind, rate) in rates.into_iter().enumerate().filter(|(_, rate)| *rate > 0.0) {
+            let mut stream = Stream::new(seed, kind as u64);
+            let mut at_s = 0.0;
+            loop {
+                at_s += -math::ln(1.0 - stream.uniform()) * 60.0 / rate;
+                if at_s >= seconds {
+                    break;
+                }
+                // Always as many draws, whatever the kind makes of them.
+                let draws = [(); 5].map(|()| stream.uniform());
+                faults.extend(self.fault(kind, neat(at_s), draws, targets));
+            }
+        }
+        faults.sort_by(|a, b| a.at_s().total_cmp(&b.at_s()));
         faults
     }
 
-    pub fn next(&self) -> Option<Time> {
-        self.next
-    }
-
-    /// The fault that is due, if one is.
-    pub fn take(&mut self, now: Time) -> Option<Fault> {
-        self.next.filter(|&at| at <= now)?;
-        self.draw_time(now);
-        let rates = self.rates.rates();
-        let mut left = self.uniform() * rates.iter().sum::<f64>();
-        let kind = rates.iter().position(|&rate| {
-            left -= rate;
-            left < 0.0
-        });
-        let part = self.uniform();
-        let r = self.rates;
-        Some(match kind.unwrap_or(0) {
-            0 => Fault::Death { in_step: part < r.in_step },
-            1 => Fault::Hang { seconds: part * r.hang_s },
-            2 => Fault::Slowdown { factor: 1.0 + part * (r.slower - 1.0).max(0.0), seconds: self.uniform() * r.slow_s },
-            3 => Fault::Burst { seconds: part * r.burst_s },
-            4 => Fault::Stop,
-            _ => Fault::Supervisor,
+    /// One fault; `None` where the robot has nothing that could have it.
+    fn fault(&self, kind: usize, at_s: f64, draws: [f64; 5], targets: &[Vec<String>]) -> Option<PlannedFault> {
+        let [who, which, a, b, c] = draws;
+        let node = |which: f64| Some(one_of(one_of(targets, who)?, which)?.clone());
+        Some(match kind {
+            0 => {
+                let in_step = a < self.in_step;
+                let when = *one_of(&[When::MidWrite, When::BeforeHead, When::BeforeWake], b)?;
+                let (when, writes) = if in_step { (when, (c * 4.0) as u32) } else { (When::AtOnce, 0) };
+                PlannedFault::Death { at_s, node: node(which)?, when, writes }
+            }
+            1 => PlannedFault::Hang { at_s, node: node(which)?, for_s: neat(a * self.hang_s) },
+            2 => {
+                let factor = neat(1.0 + a * (self.slower - 1.0).max(0.0));
+                PlannedFault::Slowdown { at_s, node: node(which)?, factor, for_s: neat(b * self.slow_s) }
+            }
+            3 => {
+                let (for_s, seed) = (neat(a * self.burst_s), (b * f64::from(u32::MAX)) as u32);
+                PlannedFault::Burst { at_s, share: self.lost_bytes, for_s, seed }
+            }
+            4 => {
+                // An impatient person; a patient one comes when the cause has gone.
+                let (gone_after_s, reset_after_s) = (neat(0.2 + 1.8 * a), neat(0.1 + 2.9 * b));
+                PlannedFault::Stop { at_s, node: node(which)?, gone_after_s, reset_after_s }
+            }
+            _ => PlannedFault::Supervisor { at_s, for_s: neat(0.3e-3 + 19.7e-3 * a) },
         })
     }
+}
 
-    fn draw_time(&mut self, now: Time) {
-        let per_s = self.rates.rates().iter().sum::<f64>() / 60.0;
-        let u = 1.0 - self.uniform();
-        self.next = (per_s > 0.0).then(|| now.after_s(-math::ln(u) / per_s).max(now.after_ns(1)));
+/// Greatest rate, factor and duration: more is no fault but another robot.
+const MOST: f64 = 1e4;
+
+/// The processes that can die, as the paths of their nodes. The world is what the robot is in: it does not die.
+pub(super) fn mortal(robot: &Robot) -> Vec<Vec<String>> {
+    let of_world = |node: &usize| robot.nodes[*node].kind.layer == Layer::Simulator;
+    let crews = RobotPlan::of(robot).crews.into_iter().filter(|crew| !crew.nodes.iter().any(of_world));
+    crews.map(|crew| crew.nodes.iter().map(|&node| robot.nodes[node].path()).collect()).collect()
+}
+
+fn one_of<T>(all: &[T], draw: f64) -> Option<&T> {
+    all.get(((draw * all.len() as f64) as usize).min(all.len().saturating_sub(1)))
+}
+
+/// To the microsecond: what a file says is then exactly what was drawn.
+fn neat(value: f64) -> f64 {
+    (value * 1e6).round() / 1e6
+}
+
+/// A random stream of its own for every number.
+#[derive(Debug, Clone)]
+pub(super) struct Stream(Pcg64Mcg);
+
+impl Stream {
+    pub fn new(seed: u64, number: u64) -> Stream {
+        // Pcg64Mcg spreads seeds that differ in one bit.
+        let number = number.wrapping_add(1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+        Stream(Pcg64Mcg::seed_from_u64(seed ^ 0x6661_756c_7473_0a01 ^ number))
     }
 
     /// Uniform in [0, 1).
     pub fn uniform(&mut self) -> f64 {
-        (self.random.next_u64() >> 11) as f64 / (1_u64 << 53) as f64
-    }
-
-    /// Uniform between two bounds.
-    pub fn between(&mut self, least: f64, most: f64) -> f64 {
-        least + (most - least) * self.uniform()
-    }
-
-    /// One of `count`.
-    pub fn choose(&mut self, count: usize) -> usize {
-        ((self.uniform() * count as f64) as usize).min(count.saturating_sub(1))
+        (self.0.next_u64() >> 11) as f64 / (1_u64 << 53) as f64
     }
 }
 
@@ -180,25 +196,36 @@ impl Faults {
 mod tests {
     use super::*;
 
+    fn draw(rates: FaultRates, seed: u64) -> Vec<PlannedFault> {
+        let targets = vec![vec!["/drivers/base".to_owned()], vec!["/actions/a".to_owned(), "/actions/b".to_owned()]];
+        rates.draw_for(&targets, seed, 6000.0)
+    }
+
     #[test]
     fn faults_come_as_often_as_their_rates_say_and_the_same_from_the_same_seed() {
-        let mut faults = Faults::new(FaultRates::CHAOS, 7, Time::ZERO);
-        let mut again = Faults::new(FaultRates::CHAOS, 7, Time::ZERO);
-        let (mut count, mut deaths) = (0, 0);
-        while let Some(at) = faults.next().filter(|at| *at < Time::from_seconds(6000.0)) {
-            let fault = faults.take(at);
-            assert_eq!((again.next(), again.take(at)), (Some(at), fault));
-            count += 1;
-            deaths += u32::from(matches!(fault, Some(Fault::Death { .. })));
-        }
+        let faults = draw(FaultRates::CHAOS, 7);
+        assert_eq!(faults, draw(FaultRates::CHAOS, 7));
+        assert_ne!(faults, draw(FaultRates::CHAOS, 8));
+        let deaths = faults.iter().filter(|fault| matches!(fault, PlannedFault::Death { .. })).count();
         // 31 a minute for 100 minutes: 3100 ± 4·√3100.
-        assert!((2880..3320).contains(&count), "{count}");
+        assert!((2880..3320).contains(&faults.len()), "{}", faults.len());
         assert!((1250..1550).contains(&deaths), "{deaths}");
+        assert!(faults.windows(2).all(|pair| pair[0].at_s() <= pair[1].at_s()), "by time");
+    }
+
+    #[test]
+    fn one_kind_less_leaves_the_others_unchanged() {
+        let all = draw(FaultRates::CHAOS, 3);
+        let fewer = draw(FaultRates { deaths: 0.0, bursts: 0.0, ..FaultRates::CHAOS }, 3);
+        let gone = |fault: &&PlannedFault| matches!(fault, PlannedFault::Death { .. } | PlannedFault::Burst { .. });
+        let rest: Vec<PlannedFault> = all.iter().filter(|fault| !gone(fault)).cloned().collect();
+        assert!(!rest.is_empty() && rest.len() < all.len());
+        assert_eq!(fewer, rest);
     }
 
     #[test]
     fn without_rates_nothing_ever_goes_wrong() {
-        assert_eq!(Faults::new(FaultRates::default(), 1, Time::ZERO).next(), None);
+        assert!(draw(FaultRates::default(), 1).is_empty());
         assert!(
             FaultRates { lost_bytes: 2.0, ..FaultRates::default() }.flaw().is_some_and(|f| f.contains("lost_bytes"))
         );

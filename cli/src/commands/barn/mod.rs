@@ -1,5 +1,6 @@
 //! `sinew barn`: a whole robot through the BARN or DynaBARN worlds, on virtual time.
 
+mod pace;
 mod peer;
 mod report;
 mod suite;
@@ -48,10 +49,10 @@ pub struct Args {
     #[arg(long, default_value = "on", value_name = "on|off", value_parser = ["on", "off"])]
     tracking: String,
     /// Commands reach the wheels so much later [ms]
-    #[arg(long, default_value_t = 0.0, value_name = "MS")]
+    #[arg(long, default_value_t = 0.0, value_name = "MS", allow_negative_numbers = true)]
     latency_ms: f64,
     /// The odometry reads this many times the true way
-    #[arg(long, default_value_t = 1.0, value_name = "FACTOR")]
+    #[arg(long, default_value_t = 1.0, value_name = "FACTOR", allow_negative_numbers = true)]
     odometry_scale: f64,
     /// Prints results as JSON
     #[arg(long)]
@@ -59,9 +60,12 @@ pub struct Args {
     /// Draws map and track of the first run that failed, or of the first one
     #[arg(long, value_name = "FILE")]
     svg: Option<PathBuf>,
-    /// Program of the MRPT peer (cargo xtask peers): runs it through the same worlds, and reports it beside ours
+    /// Program of the MRPT peer (cargo xtask mrpt): runs it through the same worlds, and reports it beside ours
     #[arg(long, value_name = "FILE")]
     peer: Option<PathBuf>,
+    /// Also tells what CPU time the planner's steps took; these figures differ from run to run
+    #[arg(long)]
+    step_times: bool,
     /// Any value of the robot file, as in nodes.follow_gap.config.memory_s=5
     #[arg(long = "set", value_name = "KEY=VALUE")]
     set: Vec<String>,
@@ -69,6 +73,9 @@ pub struct Args {
 
 /// Runs the suite and prints the report.
 pub fn run(args: Args, types: &[NodeType]) -> Result<(), Failure> {
+    check(&args)?;
+    let clocked = args.step_times.then(|| pace::clocked(types));
+    let types = clocked.as_deref().unwrap_or(types);
     let suite = Suite::read(&args.data, args.dynamic)?;
     let courses = chosen(&suite, args.worlds.as_deref(), args.every)?;
     let robot = robot(&args, types)?;
@@ -93,6 +100,34 @@ pub fn run(args: Args, types: &[NodeType]) -> Result<(), Failure> {
         writeln!(out)?;
     } else {
         report.print(&mut out)?;
+    }
+    Ok(())
+}
+
+/// Refuses numbers that mean nothing, before anything has been run.
+fn check(args: &Args) -> Result<(), Failure> {
+    let refuse = |text: String| Err(Failure::new(USAGE, text));
+    for (flag, count) in
+        [("--seeds", args.seeds), ("--every", args.every as u64), ("--jobs", args.jobs.unwrap_or(1) as u64)]
+    {
+        if count == 0 {
+            return refuse(format!("{flag} 0 would run nothing: write 1 or more"));
+        }
+    }
+    if !(0.0..=1000.0).contains(&args.latency_ms) {
+        return refuse(format!("--latency-ms {}: write 0 to 1000 milliseconds", args.latency_ms));
+    }
+    if !(0.5..=2.0).contains(&args.odometry_scale) {
+        return refuse(format!(
+            "--odometry-scale {}: write 0.5 to 2, as in 1.01 for one per cent too far",
+            args.odometry_scale
+        ));
+    }
+    if let Some(peer) = args.peer.as_ref().filter(|peer| !peer.is_file()) {
+        return refuse(format!(
+            "--peer {}: there is no such program; build it with `cargo xtask mrpt`",
+            peer.display()
+        ));
     }
     Ok(())
 }

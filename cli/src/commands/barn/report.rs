@@ -1,5 +1,6 @@
 //! What a suite's runs come to.
 
+use super::pace::Pace;
 use super::suite::Suite;
 use super::trial::{End, Trial};
 use serde::{Deserialize, Serialize};
@@ -31,6 +32,9 @@ pub struct Report {
     /// DynaBARN's classes; empty for BARN.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub classes: Vec<Class>,
+    /// CPU time of the planner's steps; only when asked for.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub step_times: Option<Pace>,
     /// Other planners through the same worlds; empty unless asked for.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub peers: Vec<Peer>,
@@ -115,6 +119,7 @@ impl Report {
             score: by_world.iter().sum::<f64>() / by_world.len().max(1) as f64,
             least_clearance_m: least.is_finite().then_some(least),
             classes: classes.collect(),
+            step_times: Pace::of(trials.iter().flat_map(|trial| trial.steps_us.iter().copied()).collect()),
             peers: Vec::new(),
             worlds: trials.iter().map(World::of).collect(),
         }
@@ -138,6 +143,13 @@ impl Report {
         )?;
         for class in &self.classes {
             writeln!(out, "  {:<6} {:>3} runs: success {:.1} %", class.class, class.runs, 100.0 * class.success)?;
+        }
+        if let Some(pace) = &self.step_times {
+            writeln!(
+                out,
+                "  planner's step, CPU time: p50 {:.0} µs, p99 {:.0} µs, longest {:.0} µs, of {}",
+                pace.p50_us, pace.p99_us, pace.max_us, pace.steps
+            )?;
         }
         for peer in &self.peers {
             writeln!(

@@ -22,6 +22,9 @@ pub const LIMIT_S: f64 = 100.0;
 /// −31 by a mistake of signs [m].
 const DYNAMIC_PATH_M: f64 = 20.0;
 
+const LAYOUT: &str =
+    "Give a folder laid out as BARN's (grids.txt, worlds.csv), or with --dynamic as DynaBARN's (worlds.txt).";
+
 /// Which of the two benchmarks.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Kind {
@@ -56,9 +59,20 @@ impl Suite {
     pub fn read(folder: &Path, dynamic: bool) -> Result<Suite, Failure> {
         let kind = if dynamic { Kind::DynaBarn } else { Kind::Barn };
         let (grids, table, moving) = (folder.join("grids.txt"), folder.join("worlds.csv"), folder.join("worlds.txt"));
-        if !dynamic && !grids.exists() && moving.exists() {
-            let text = format!("{} holds DynaBARN worlds: add --dynamic", folder.display());
-            return Err(Failure::new(USAGE, text));
+        let fault = |text: String| Err(Failure::new(USAGE, text));
+        let name = folder.display();
+        if !folder.is_dir() {
+            let what = if folder.exists() { "is no folder" } else { "does not exist" };
+            return fault(format!("--data {name}: {what}\n{LAYOUT}"));
+        }
+        let (needed, other) = if dynamic { (&moving, &grids) } else { (&grids, &moving) };
+        if !needed.exists() && other.exists() {
+            let (holds, todo) = if dynamic { ("BARN", "leave --dynamic out") } else { ("DynaBARN", "add --dynamic") };
+            return fault(format!("{name} holds {holds} worlds: {todo}"));
+        }
+        let files: &[&Path] = if dynamic { &[&moving] } else { &[&grids, &table] };
+        if let Some(missing) = files.iter().find(|file| !file.is_file()) {
+            return fault(format!("there is no file {}\n{LAYOUT}", missing.display()));
         }
         let (file, courses) = match kind {
             Kind::Barn => (grids, barn_courses(&table)?),
@@ -105,10 +119,8 @@ pub fn score(path_m: f64, time_s: f64) -> f64 {
 }
 
 fn read(file: &Path) -> Result<String, Failure> {
-    std::fs::read_to_string(file).map_err(|e| {
-        let text = format!("cannot read {}: {e}\nGive a folder laid out as BARN's (grids.txt, worlds.csv), or with --dynamic as DynaBARN's (worlds.txt).", file.display());
-        Failure::new(USAGE, text)
-    })
+    std::fs::read_to_string(file)
+        .map_err(|e| Failure::new(USAGE, format!("cannot read {}: {e}\n{LAYOUT}", file.display())))
 }
 
 fn barn_courses(table: &Path) -> Result<Vec<Course>, Failure> {
@@ -173,5 +185,20 @@ mod tests {
         assert!(barn_courses(&file).unwrap_err().message.contains("path_len_m"));
         assert!(Suite::read(&folder, true).unwrap_err().message.contains("worlds.txt"));
         std::fs::remove_dir_all(&folder).unwrap();
+    }
+
+    #[test]
+    fn a_folder_that_is_missing_or_half_there_is_told_from_the_wrong_kind() {
+        let folder = tempfile::tempdir().unwrap();
+        let told = |folder: &Path, dynamic| Suite::read(folder, dynamic).unwrap_err().message;
+        assert!(told(&folder.path().join("nowhere"), false).contains("does not exist"));
+        assert!(
+            told(folder.path(), false).contains("there is no file") && told(folder.path(), true).contains("worlds.txt")
+        );
+        std::fs::write(folder.path().join("worlds.csv"), "world,path_len_m\n1,11.0\n").unwrap();
+        assert!(told(folder.path(), false).contains("grids.txt"));
+        std::fs::write(folder.path().join("grids.txt"), "").unwrap();
+        assert!(told(folder.path(), true).contains("leave --dynamic out"));
+        assert!(told(&folder.path().join("grids.txt"), false).contains("is no folder"));
     }
 }

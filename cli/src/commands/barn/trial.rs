@@ -34,6 +34,8 @@ pub struct Trial {
     pub least_clearance_m: f64,
     pub distance_m: f64,
     pub track: Vec<TrackPoint>,
+    /// What CPU time the planner's steps took; empty unless asked for [µs].
+    pub steps_us: Vec<f64>,
 }
 
 /// The run goes in slices of this length [s].
@@ -161,6 +163,7 @@ impl Referee {
             least_clearance_m: self.least_clearance_m,
             distance_m: self.last.distance_m,
             track: self.track,
+            steps_us: super::pace::take(),
         }
     }
 }

@@ -36,6 +36,9 @@ pub struct Args {
     /// A tenth of the samples: to see whether it runs, not for figures
     #[arg(long, global = true)]
     quick: bool,
+    /// All 10,000 missions of `simulator`, not a sample of them: minutes
+    #[arg(long, global = true)]
+    long: bool,
     /// Folder or file of the robot; without it the built-in Pioneer
     #[arg(long, global = true, value_name = "ROBOT")]
     robot: Option<PathBuf>,
@@ -105,7 +108,7 @@ pub fn run(args: Args, types: &[NodeType]) -> Result<(), Failure> {
     let laser = || laser::run(length_s.unwrap_or(reflex_s * part), types);
     let simulate = || simulate::run(robot, part, types);
     let perception = || perception::run(args.data.as_deref(), part);
-    let simulator = || simulator::run(part);
+    let simulator = || simulator::run(part, args.long);
     let tracking = || tracking::run(args.data.as_deref(), part);
     let record = || record::run(robot, length_s.unwrap_or(RECORD_S * part.max(0.2)), types);
     let supervision = || supervision::run(robot, length_s.unwrap_or(SUPERVISION_S * part), part, types);

@@ -1,30 +1,26 @@
 //! `sinew simulate`: whole robots on virtual time, a run per seed.
 
 mod batch;
+mod ledger;
+pub mod mission;
+mod progress;
 
 use crate::exit::{CHECK, Failure, USAGE};
-use crate::load::{self, Changes};
 use crate::simulation::{self, FaultResult, Run, RunResult};
+use mission::MissionArgs;
 use runtime::NodeType;
 use serde::Serialize;
 use std::io::{IsTerminal, Write};
 use std::path::PathBuf;
-use supervisor::FaultRates;
 
 /// Runs a robot on virtual time, faster than real time and the same for the same seed
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// Folder or file of the robot; without it the built-in Pioneer
-    robot: Option<PathBuf>,
+    #[command(flatten)]
+    mission: MissionArgs,
     /// Seeds A..B (B not included): a run each
     #[arg(long, default_value = "0..1", value_name = "A..B")]
     seeds: String,
-    /// Simulated time of each run, as in 300s, 5min or 1h
-    #[arg(long = "for", default_value = "60s", value_name = "TIME")]
-    length: String,
-    /// Injects faults from the seed: "chaos", rates per minute as in deaths=10,hangs=4,lost_bytes=0.02, or a TOML file
-    #[arg(long, value_name = "RATES")]
-    faults: Option<String>,
     /// Threads; without it all cores. The results do not depend on it
     #[arg(long)]
     jobs: Option<usize>,
@@ -40,10 +36,11 @@ pub struct Args {
     /// Records every run for `sinew replay`; where there are several, FILE-SEED.mcap
     #[arg(long, value_name = "FILE", conflicts_with = "faults")]
     record: Option<PathBuf>,
+    /// Hash that the run of a single seed must have: whether it is the same byte for byte
+    #[arg(long, value_name = "HASH")]
+    expect: Option<String>,
     #[command(flatten)]
     batch: batch::Options,
-    #[command(flatten)]
-    changes: Changes,
 }
 
 #[derive(Serialize)]
@@ -55,25 +52,21 @@ struct Report<'a> {
 /// Runs the simulations and prints the report.
 pub fn run(args: Args, types: &[NodeType]) -> Result<(), Failure> {
     let seeds = parse_seeds(&args.seeds)?;
-    let seconds = crate::output::parse_seconds(&args.length).map_err(|reason| Failure::new(USAGE, reason))?;
-    let robot = load::robot(args.robot.as_deref(), &args.changes, types)?;
-    robot.graph().map_err(load::errors)?;
-    if !robot.nodes.iter().any(|node| node.kind.layer == runtime::Layer::Simulator) {
-        let text = format!("robot \"{}\" has no simulator node: there is nothing to simulate it in", robot.name);
-        return Err(Failure::new(CHECK, text));
+    if args.expect.is_some() && seeds.end - seeds.start != 1 {
+        return Err(Failure::new(USAGE, "--expect: give a single seed, as in --seeds 7..8"));
     }
-    crate::picture::notes_of(&robot).iter().for_each(|note| eprintln!("note: {note}"));
-    let faults = args.faults.as_deref().map(parse_faults).transpose()?;
+    let plan = args.mission.plan(types)?;
+    crate::picture::notes_of(&plan.robot).iter().for_each(|note| eprintln!("note: {note}"));
     let jobs = args.jobs.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, usize::from));
-    if args.batch.wanted() {
-        let simulate = |seed: u64, seconds: f64| simulation::run(&robot, seed, seconds, faults);
-        return batch::run(&args, &robot, seeds, seconds, jobs, &simulate);
+    if args.batch.wanted() || args.mission.scenario.is_some() {
+        return batch::run(&args, &plan, seeds, jobs);
     }
+    let (robot, seconds) = (&plan.robot, plan.scenario.timeout_s);
     let count = seeds.end - seeds.start;
     let progress = std::io::stderr().is_terminal() && count > 1;
     let several = count > 1;
     let record = |seed| args.record.as_deref().map(|file| recording_of(file, seed, several));
-    let runs = simulation::run_all(&robot, seeds, seconds, faults, jobs, &record, &|done| {
+    let runs = simulation::run_all(robot, seeds, seconds, plan.faults.as_ref(), jobs, &record, &|done| {
         if progress {
             eprint!("\r{done}/{count} runs");
             let _ = std::io::stderr().flush();
@@ -83,10 +76,11 @@ pub fn run(args: Args, types: &[NodeType]) -> Result<(), Failure> {
         eprint!("\r{:40}\r", "");
     }
     let total = simulation::total(&runs, seconds);
+    let safe = total.contacts_caused == 0 && total.failing_seeds.is_empty();
     let drawn = runs.iter().find(|run| run.result.contacts_caused > 0).or(runs.first());
     for (file, is_map) in [(&args.svg, true), (&args.plot, false)] {
         let (Some(file), Some(run)) = (file, drawn) else { continue };
-        let picture = if is_map { crate::picture::of_run(&robot, run)? } else { crate::picture::of_speeds(&robot, run) };
+        let picture = if is_map { crate::picture::of_run(robot, run)? } else { crate::picture::of_speeds(robot, run) };
         std::fs::write(file, picture).map_err(|e| Failure::from(format!("cannot write {}: {e}", file.display())))?;
         if !args.json {
             println!("drew seed {} to {}", run.result.seed, file.display());
@@ -100,7 +94,15 @@ pub fn run(args: Args, types: &[NodeType]) -> Result<(), Failure> {
     } else {
         print_table(&mut out, &runs, &total, seconds)?;
     }
-    Ok(())
+    out.flush()?;
+    drop(out);
+    if let ([run], Some(hash)) = (runs.as_slice(), &args.expect) {
+        compare(hash, &run.result.hash, args.json)?;
+    }
+    match safe {
+        true => Ok(()),
+        false => Err(Failure::new(CHECK, "")),
+    }
 }
 
 fn print_table(out: &mut impl Write, runs: &[Run], total: &RunResult, seconds: f64) -> std::io::Result<()> {
@@ -175,20 +177,19 @@ fn print_faults(out: &mut impl Write, faults: &FaultResult, runs: usize, total: 
     }
 }
 
-/// Rates in words, in a list, or in a file.
-fn parse_faults(text: &str) -> Result<FaultRates, Failure> {
-    if text == "chaos" {
-        return Ok(FaultRates::CHAOS);
+/// Whether a mission ended in the same bytes as the one whose hash was given.
+fn compare(expected: &str, hash: &str, json: bool) -> Result<(), Failure> {
+    if expected != hash {
+        let text = format!(
+            "the run's hash is {hash}, not {expected}: it is no replay; program, robot, world, scenario and faults must \
+             be those of the run that is replayed"
+        );
+        return Err(Failure::from(text));
     }
-    let failed = |reason: String| Failure::new(USAGE, format!("--faults {text}: {reason}"));
-    let toml = match text.contains('=') {
-        true => text.replace(',', "\n"),
-        false => {
-            std::fs::read_to_string(text).map_err(|e| failed(format!("{e}; write \"chaos\", KEY=VALUE,… or a file")))?
-        }
-    };
-    let rates: FaultRates = toml::from_str(&toml).map_err(|e| failed(e.message().to_owned()))?;
-    rates.flaw().map_or(Ok(rates), |flaw| Err(failed(flaw)))
+    if !json {
+        println!("replayed byte for byte: hash {hash} as expected");
+    }
+    Ok(())
 }
 
 fn parse_seeds(text: &str) -> Result<std::ops::Range<u64>, Failure> {

@@ -77,6 +77,7 @@ pub fn run(args: &Args, types: &[NodeType]) -> Result<(), Failure> {
         ["simple_100000"] => swarm("office:1:440x190", Kind::simple(12, 2.0), 100_000, args)?,
         ["peer_task"] => swarm_steps(peer_task()?, args)?,
         ["wander"] => whole(0, args, types)?,
+        ["missions", count] => return super::missions::run(number(count)?, args.threads, types),
         // Rows of the growth table.
         ["robots", count] => {
             // The map grows with them: as many per area as in the hospital with 1,000.
@@ -177,7 +178,7 @@ fn factors(simulated_s: f64, wall_s: f64, core_s: f64) -> [f64; 2] {
 }
 
 /// Greatest resident memory of this process so far [MiB].
-fn greatest_rss_mib() -> f64 {
+pub fn greatest_rss_mib() -> f64 {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
     let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"));
     let kib = line.and_then(|rest| rest.split_whitespace().next()).and_then(|text| text.parse::<f64>().ok());
