@@ -195,7 +195,7 @@ fn a_disk_that_runs_full_ends_the_recording_with_a_word_and_never_the_robot() {
     for line in lines {
         let news: serde_json::Value = serde_json::from_str(&line.unwrap()).unwrap();
         if others.is_empty() && news["event"] == "state" && news["time_s"].as_f64().is_some_and(|time| time > 1.0) {
-            let limited = ["-c", "ulimit -f 200; exec \"$0\" record full -o \"$1\"", sinew, &at("limited.mcap")];
+            let limited = ["-c", "ulimit -f 400; exec \"$0\" record full -o \"$1\"", sinew, &at("limited.mcap")];
             others.push(command("sh").args(limited).output().unwrap());
             others.push(command(sinew).args(["record", "full", "-o", "/dev/full"]).output().unwrap());
         }
