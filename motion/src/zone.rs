@@ -29,6 +29,8 @@ pub struct Braking {
     pub creep_margin_m: f64,
 }
 
+/// A share this much short of the whole is the whole.
+const ROUNDING: f64 = 1e-9;
 /// Less room than this is none [m].
 const NO_ROOM_M: f64 = 1e-3;
 
@@ -136,7 +138,8 @@ impl Zone {
     pub fn share(&self, points: &[Point], velocity: Velocity) -> (f64, f64) {
         let footprint = self.grown(velocity);
         let contact_s = first_contact_s(&footprint, points, velocity);
-        (self.braking.share(velocity, contact_s, footprint.corner_radius_m()), contact_s)
+        // Of the body itself: it is the same at every pace, so that what is left at one share is left at a smaller one.
+        (self.braking.share(velocity, contact_s, self.footprint.corner_radius_m()), contact_s)
     }
 
     /// Greatest speeds straight ahead and straight back [m/s].
@@ -153,13 +156,26 @@ impl Zone {
         (self.braking.speed_limit_m_s(clear_m.0), self.braking.speed_limit_m_s(clear_m.1))
     }
 
+    /// As much of `velocity` as comes to rest in time by its own margins: with the pace the outline shrinks, and what
+    /// stood within the margin and was let go may stand before the body then.
+    fn proven(&self, points: &[Point], mut velocity: Velocity) -> Velocity {
+        for _ in 0..4 {
+            let (k, _) = self.share(points, velocity);
+            if k >= 1.0 - ROUNDING {
+                return velocity;
+            }
+            velocity = velocity.scaled(k);
+        }
+        Velocity::ZERO
+    }
+
     /// The velocity nearest to `wanted` that the room among `points` allows.
     pub fn allow(&self, points: &[Point], wanted: Velocity) -> Allowed {
         let (whole, contact_s) = self.share(points, wanted);
         if whole >= 1.0 {
             return Allowed { velocity: wanted, contact_s, held: false };
         }
-        let mut best = wanted.scaled(whole);
+        let mut best = self.proven(points, wanted.scaled(whole));
         let mut best_worth = worth(best, wanted);
         let turns: &[f64] = if wanted.turn_rad_s == 0.0 { &[0.0] } else { &[1.0, 0.5, 0.25, 0.0] };
         for &turn in turns {

@@ -10,7 +10,7 @@ const GROUPS: [(&str, &[&str]); 5] = [
         "Run a robot",
         &[
             "run", "drive", "goto", "mode", "down", "estop", "reset", "resume", "start", "stop", "restart", "replace",
-            "simulate", "compare", "barn",
+            "set", "wire", "simulate", "shrink", "compare", "barn",
         ],
     ),
     ("Look at a running robot", &["top", "incidents", "ls", "cat", "hz", "logs", "call"]),
