@@ -1,7 +1,7 @@
 //! Worlds: what stands still, who walks about, where robots start.
 //!
 //! A world comes from a TOML file (its words are in [`file`]), from a map_server YAML with its picture, from a BARN grids
-//! file or a DynaBARN worlds file (`grids.txt#17` chooses world 17), or from a Stage world file (see [`stage`]).
+//! file or a DynaBARN worlds file (`grids.txt#17` chooses world 17), or from a Stage world file (see `stage`).
 
 mod barn;
 mod bitmap;
