@@ -211,14 +211,11 @@ fn run_under_faults(robot: &Robot, seed: u64, seconds: f64, faults: &Faults) -> 
     let end = Time::from_seconds(seconds);
     let mut supervised = SupervisedHost::new(robot, seed, Time::ZERO, faults.of(robot, seed, seconds), &last_will)?;
     let mut watch = Watch::new(supervised.host());
-    let mut stopped: Option<Time> = None;
     while supervised.host().now() < end {
         let now = supervised.host().now();
         supervised.run_until(now.after_s(SLICE_S).min(end));
-        // Only what lies wholly under the stop counts: it may be reset at any moment of a slice.
-        let latched = supervised.policy().latched();
-        watch.collect(stopped.filter(|_| latched).map(|since| since.after_s(RAMP_S)));
-        stopped = if latched { stopped.or(Some(supervised.host().now())) } else { None };
+        // The stop that stands now: another one may have been reset within the slice, and the robot have moved since.
+        watch.collect(supervised.stopped_since().map(|since| since.after_s(RAMP_S)));
     }
     let nodes = robot.nodes.iter().enumerate().map(|(index, node)| (node.path(), supervised.statistics(index)));
     let nodes = nodes.collect();

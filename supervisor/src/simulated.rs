@@ -97,6 +97,8 @@ pub struct SupervisedHost {
     wills: Vec<Option<&'static [u8]>>,
     /// What each node did in its former lives.
     former: Vec<NodeStatistics>,
+    /// Since when the emergency stop is latched.
+    stopped_since: Option<Time>,
     chronicle: Chronicle,
 }
 
@@ -148,6 +150,7 @@ impl SupervisedHost {
             wills: wills.collect(),
             former: vec![NodeStatistics::default(); robot.nodes.len()],
             chronicle: Chronicle::default(),
+            stopped_since: None,
             crews: plan.crews,
             host,
         };
@@ -162,6 +165,11 @@ impl SupervisedHost {
     /// The host, to read from.
     pub fn host(&self) -> &SimulatedHost {
         &self.host
+    }
+
+    /// Since when the emergency stop is latched, if it is.
+    pub fn stopped_since(&self) -> Option<Time> {
+        self.stopped_since
     }
 
     /// The policy.
@@ -339,6 +347,9 @@ impl SupervisedHost {
         self.policy.handle(now, event, &mut actions);
         if latched && !self.policy.latched() && !(event == Event::Call(Request::Reset) && may_reset) {
             self.chronicle.let_go += 1;
+        }
+        if latched != self.policy.latched() {
+            self.stopped_since = (!latched).then_some(now);
         }
         if latched && !self.policy.latched() {
             // Reset and resumed by the same person.
