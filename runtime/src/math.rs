@@ -33,6 +33,11 @@ pub fn atan2(y: f64, x: f64) -> f64 {
     libm::atan2(y, x)
 }
 
+/// Angle of the point (`x`, `y`) to single precision [rad]: half the time, for what is written as a `f32` anyway.
+pub fn atan2_f32(y: f32, x: f32) -> f32 {
+    libm::atan2f(y, x)
+}
+
 /// Arc sine [rad].
 pub fn asin(x: f64) -> f64 {
     libm::asin(x)
