@@ -30,7 +30,7 @@ pub use device::Device;
 pub use guard::Will;
 pub use node::{AnyNode, Fault, Node, NodeType, OpenError};
 pub use path::Layer;
-pub use ports::{Declaration, PortKind, Ports, Reader, STATE_DEPTH, SUPERVISOR_STATE, Sample, Set, Writer};
+pub use ports::{Declaration, PortKind, Ports, Reader, STATE_DEPTH, SUPERVISOR_STATE, Sample, Set, TWINS, Writer};
 pub use robot::Body;
 pub use simulated::{ExecutionModel, SimulatedHost, Stepped};
 pub use statistics::{Statistics, StepTimes};

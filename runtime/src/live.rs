@@ -11,7 +11,7 @@ use crate::node::OpenError;
 use crate::ports::{Devices, Input, Ports};
 use crate::pump::{Arrival, GuardLine, Notifier, Pump, PumpBuilder};
 use crate::realtime::{self, Grants};
-use crate::robot::{NodeSpec, Robot, open_declared};
+use crate::robot::{Isolate, NodeSpec, Robot, open_declared};
 use crate::stop::{KeepPlace, LatchPlace};
 use crate::sys;
 use crate::time::Time;
@@ -246,6 +246,9 @@ fn spawn_pump(
     if options.fence {
         pump.take_over();
     }
+    if robot.nodes.iter().any(|node| node.isolate == Isolate::Strict) {
+        pump.callers(callers_of(robot, &spec.path(), &options.root));
+    }
     let guard = options.tree.and_then(|_| pump.guarded(&options.root));
     if let Some(supervisor) = options.supervisor
         && let Some(process) = rustix::process::Pid::from_raw(supervisor as i32)
@@ -262,6 +265,14 @@ fn spawn_pump(
     let step_watch = pump.step_watch();
     let pump = pump.spawn(&options.root).map_err(|e| OpenError::Device { reason: e.to_string() })?;
     Ok((pump, step_watch, told, guard))
+}
+
+/// Users of the nodes that call the node at `path`: their folders belong to them.
+fn callers_of(robot: &Robot, path: &str, root: &std::path::Path) -> Vec<u32> {
+    let calls = |spec: &&NodeSpec| spec.calls.values().any(|(target, _)| target == path);
+    let folder = |spec: &NodeSpec| root.join(spec.path().trim_start_matches('/'));
+    let user = |spec: &NodeSpec| rustix::fs::stat(folder(spec)).ok().map(|folder| folder.st_uid);
+    robot.nodes.iter().filter(calls).filter_map(user).collect()
 }
 
 /// Tells the supervisor that this process is ready, where one is listening (`SINEW_READY_FD`).

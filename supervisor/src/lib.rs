@@ -11,6 +11,7 @@
 //! | `SINEW_ROOT` | the robot's shared-memory folder, which the supervisor removes at the end |
 //! | `SINEW_SUPERVISOR_PID` | the supervisor, in a process tree the root: a node stops by itself when it dies (pidfd) |
 //! | `SINEW_RUN` | name of the run, by which a later supervisor finds what a killed one left |
+//! | `SINEW_IDENTITY` | `uid:gid:group,group`: who the node is to be, where its robot is run by root |
 //! | `SINEW_RESTARTS` | how many processes of this node came before in this run |
 //! | descriptor 4, `SINEW_TABLE` ("4 first count") | in a process tree: the table of heartbeats and keepsakes, and the node's lines |
 //! | descriptor 5 (`SINEW_LATCH_FD`) | in a process tree: the stop latch, read-only |
@@ -41,6 +42,7 @@ mod front;
 mod host;
 mod host_tree;
 mod incidents;
+pub mod isolation;
 mod ladder;
 mod leftovers;
 mod logs;

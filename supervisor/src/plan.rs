@@ -6,6 +6,7 @@ use std::path::PathBuf;
 
 use crate::care::Supervision;
 use crate::control::StopHandle;
+use crate::isolation::Ownership;
 use crate::logs::log_folder;
 use crate::robot_plan::Crew;
 use crate::rule::Rule;
@@ -57,6 +58,8 @@ pub struct Plan {
     pub commands: Vec<Vec<String>>,
     /// Paths that reactions wait for, by number.
     pub awaited: Vec<String>,
+    /// Whose what is in the robot's folder, where nodes have users of their own.
+    pub ownership: Option<Ownership>,
     /// Ends the run from another thread.
     pub stop: Option<StopHandle>,
 }
@@ -74,6 +77,7 @@ impl Plan {
             crews: Vec::new(),
             commands: Vec::new(),
             awaited: Vec::new(),
+            ownership: None,
             stop: None,
         }
     }

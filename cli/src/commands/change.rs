@@ -158,6 +158,10 @@ fn checked(robot: &Robot, change: &Change, types: &[NodeType]) -> Result<Robot, 
     if !contradictions.is_empty() {
         return Err(Failure::new(CHECK, contradictions.join("\n")));
     }
+    let flaws = supervisor::isolation::flaws(&changed);
+    if !flaws.is_empty() {
+        return Err(load::errors(flaws));
+    }
     let graph = changed.graph().map_err(load::errors)?;
     let verdict = admission::judge(&graph, &changed.file);
     if !verdict.errors.is_empty() {

@@ -488,8 +488,14 @@ fn parse_address(address: &str) -> Result<Address, OpenError> {
 }
 
 /// Where the simulated twin of driver `instance` has its terminal on a live robot.
+/// Folder of the robot's root with a folder per driver in it, where nodes have users of their own.
+pub const TWINS: &str = ".twins";
+
 fn twin_address(root: &std::path::Path, instance: &str) -> Address {
-    Address::Pty { path: root.join(".run").join(format!("{instance}.tty")) }
+    // Where nodes have users of their own, driver and twin meet in a folder that these two alone may enter.
+    let shared = root.join(TWINS).join(instance);
+    let path = if shared.is_dir() { shared.join("tty") } else { root.join(".run").join(format!("{instance}.tty")) };
+    Address::Pty { path }
 }
 
 /// A node's own seed: the run's seed mixed with the node's path, so that adding a node changes no other's.
