@@ -61,7 +61,9 @@ pub use plain::{Message, NoTail, Plain, tail_offset};
 pub use ranges::{Beam, Echo, RangerVerdict, Ranges};
 pub use reflexes::{Detour, ModeState, ProtectiveStop, Room, SetMode, Side, StopCause, WheelVelocities};
 pub use requests::{Done, Sound, Switch, Trigger};
-pub use schema::{Element, Field, JsonError, JsonProblem, Kind, Schema, SchemaError, from_json_value, to_json_value};
+pub use schema::{
+    Element, Field, JsonError, JsonProblem, Kind, Schema, SchemaError, SchemaText, from_json_value, to_json_value,
+};
 pub use supervision::{Governance, Notice, SupervisorState};
 pub use tracks::{Segment, SegmentShape, Segments, Track, TrackMotion, TrackState, Tracks};
 pub use truth::{Contact, ContactCause, Truth};

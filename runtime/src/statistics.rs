@@ -69,8 +69,10 @@ impl Statistics {
 
     /// Everything so far; `dropped` is the inputs' count of lost samples.
     pub fn summary(&self, dropped: u64) -> NodeStatistics {
-        let four =
-            |histogram: &Histogram<u32>| [0.5, 0.99, 0.999, 1.0].map(|q| histogram.value_at_quantile(q) as f64 * 1e-9);
+        let four = |histogram: &Histogram<u32>| {
+            let [p50, p99, p999] = [0.5, 0.99, 0.999].map(|q| histogram.value_at_quantile(q));
+            [p50, p99, p999, histogram.max()].map(|ns| ns as f64 * 1e-9)
+        };
         NodeStatistics {
             dropped,
             lateness_s: four(&self.lateness),

@@ -460,7 +460,6 @@ impl Output {
         own_depth: Option<usize>,
         doom: Rc<Doom>,
     ) -> Output {
-        let schema = M::schema();
         let tail_element_bytes = if M::HAS_TAIL { size_of::<M::Tail>() } else { 0 };
         let tail_capacity = if M::HAS_TAIL { tail_capacity } else { 0 };
         let sample_bytes = size_of::<M>() + tail_element_bytes * tail_capacity + 64;
@@ -475,15 +474,7 @@ impl Output {
             number: path_number(&path),
             by_runtime: own_depth.is_some(),
             path,
-            geometry: Geometry {
-                type_name: M::NAME.into(),
-                layout_hash: schema.hash(),
-                schema: schema.to_text(),
-                fixed_bytes: size_of::<M>(),
-                tail_element_bytes,
-                tail_capacity,
-                depth,
-            },
+            geometry: Geometry::of::<M>(tail_capacity, depth),
             writer: std::cell::RefCell::new(None),
             cut: Cell::new(0),
             lost: Cell::new(false),
