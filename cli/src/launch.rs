@@ -49,6 +49,14 @@ impl Launch {
         Ok(())
     }
 
+    /// Leaves it where the supervisor takes it from when the change of `node` fails its trial; that file.
+    pub fn leave_undo(&self, root: &Path, node: &str) -> Result<PathBuf, Failure> {
+        let name = node.trim_start_matches('/').replace('/', ".");
+        let file = root.join(".run").join(format!("{}{name}", supervisor::UNDO));
+        std::fs::write(&file, serde_json::to_vec_pretty(self)?)?;
+        Ok(file)
+    }
+
     /// Finds it below `root`.
     pub fn read(root: &Path) -> Result<Launch, Failure> {
         let file = root.join(".run/launch.json");

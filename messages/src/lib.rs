@@ -58,7 +58,7 @@ pub use missions::{
 pub use motion::{Axis, Command, CoordinatorState, FreeSectors, MotionState, Odometry, Proposal, Stop, Twist, Wish};
 pub use node::{InputCursor, NodeStatistics, StepEvents, StepInputs, StepKind, WRITTEN, path_number};
 pub use plain::{Message, NoTail, Plain, tail_offset};
-pub use ranges::{Beam, Echo, Ranges};
+pub use ranges::{Beam, Echo, RangerVerdict, Ranges};
 pub use reflexes::{Detour, ModeState, ProtectiveStop, Room, SetMode, Side, StopCause, WheelVelocities};
 pub use requests::{Done, Sound, Switch, Trigger};
 pub use schema::{

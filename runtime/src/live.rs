@@ -11,7 +11,7 @@ use crate::node::OpenError;
 use crate::ports::{Devices, Input, Ports};
 use crate::pump::{Arrival, GuardLine, Notifier, Pump, PumpBuilder};
 use crate::realtime::{self, Grants};
-use crate::robot::{Isolate, NodeSpec, Robot, open_declared};
+use crate::robot::{Isolate, NodeSpec, Robot, Scheduler, open_declared};
 use crate::stop::{KeepPlace, LatchPlace};
 use crate::sys;
 use crate::time::Time;
@@ -142,6 +142,7 @@ pub fn run(
             None => return Err(LiveError::Unknown { robot: robot.name.clone(), instance: path.clone() }),
         }
     }
+    let lowest = specs.iter().map(|spec| spec.priority).min().unwrap_or(1);
     let words: Vec<PrivateWord> = specs.iter().map(|_| PrivateWord::new()).collect();
     let _ = STOP_WORDS.set(words.clone());
     sys::catch_stop_signals(wake_all);
@@ -196,6 +197,11 @@ pub fn run(
             sys::forget_startup_code();
         }
         ready(&grants.lock().unwrap_or_else(|e| e.into_inner()));
+        if robot.realtime.scheduler == Scheduler::Fifo {
+            // From here on this thread sleeps until the end. A killed process is dead when the last of its threads is: one
+            // that waits for a processor behind everybody else would hide the death from the supervisor.
+            let _ = realtime::ask_for_fifo(lowest);
+        }
     }
     for (instance, thread) in threads {
         if thread.join().is_err() {
@@ -350,6 +356,10 @@ impl NodeThread {
     ) -> Result<NodeThread, LiveError> {
         let instance = spec.instance.clone();
         let fail = |source: OpenError| LiveError::Open { instance: instance.clone(), source };
+        if granted.is_none() {
+            // What reading and opening took, and a step does not need.
+            sys::trim_heap();
+        }
         let tree = Tree::shared(&options.root).map_err(|e| LiveError::Tree(e.to_string()))?;
         let claim = if options.fence { Claim::Fence } else { Claim::Continue };
         opened.ports.bind(&tree, claim).map_err(fail)?;
@@ -429,7 +439,7 @@ impl NodeThread {
                     let _ = self.running.step(now, release, clock::now);
                     let ended = clock::now();
                     self.step_watch.end(ended);
-                    self.tell_obeyed(ended);
+                    self.tell_obeyed();
                     self.beat(ended, Phase::Waiting);
                     if self.between_steps() {
                         waiter = self.waiter();
@@ -474,12 +484,13 @@ impl NodeThread {
     }
 
     /// Passes on that the step has obeyed the stop latch, and when.
-    fn tell_obeyed(&mut self, now: Time) {
-        let word = self.running.opened.ports.latch.obeyed.get().0;
+    fn tell_obeyed(&mut self) {
+        let latch = &self.running.opened.ports.latch;
+        let (word, at) = (latch.obeyed.get().0, latch.obeyed_at.get());
         if word != self.obeyed {
             self.obeyed = word;
             if let Some(line) = &self.line {
-                line.obeyed(word, now.nanos());
+                line.obeyed(word, at.nanos());
             }
             if let Some(guard) = &self.guard {
                 guard.obeyed(word);
@@ -534,6 +545,11 @@ impl NodeThread {
             match self.last_fault {
                 Some(fault) => eprintln!("{}: fault: {fault}", self.instance),
                 None => eprintln!("{}: fault is over", self.instance),
+            }
+        }
+        for input in self.running.opened.ports.inputs() {
+            if let Some((at, path)) = input.take_switched() {
+                eprintln!("{}: {} is read from {path} since {:.6} s", self.instance, input.port, at.seconds());
             }
         }
         if let Some(output) = self.running.opened.ports.outputs().iter().find(|output| output.lost.get()) {

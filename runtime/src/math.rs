@@ -18,6 +18,11 @@ pub fn sin_cos(x: f64) -> (f64, f64) {
     libm::sincos(x)
 }
 
+/// Sine and cosine of `x` to single precision [rad]: half the time, for bearings that are an `f32` anyway.
+pub fn sin_cos_f32(x: f32) -> (f32, f32) {
+    libm::sincosf(x)
+}
+
 /// Tangent of `x` [rad].
 pub fn tan(x: f64) -> f64 {
     libm::tan(x)

@@ -22,10 +22,11 @@
 //! the default ones.
 //!
 //! What a run keeps: below `<root>/.run`, for others to find it, `supervisor.lock`, `supervisor.json` (the [`Owner`]),
-//! `<node>.pid` and the socket `control` (Unix seqpacket; a request per packet, `status`, `down`, `start NODE`, `stop NODE`, `restart NODE` or `clear`, one
+//! `<node>.pid` and the socket `control` (Unix seqpacket; a request per packet, `status`, `down`, `start NODE`, `stop NODE`, `restart NODE`, `clear` and more, one
 //! JSON object back;
 //! after `down` the connection ends when nothing of the run is left). In the log folder, and there to stay, `<node>.log`,
-//! `<node>.previous.log` and `incidents.jsonl` (a [`Record`] per line).
+//! `<node>.previous.log`, `incidents.jsonl` (a [`Record`] per line) and `<node>.core`, its newest core dump, where the kernel
+//! writes core dumps to files and `ulimit -c` allows them.
 
 mod backoff;
 mod beats;
@@ -33,6 +34,7 @@ mod care;
 mod channels;
 mod claim;
 mod control;
+mod cores;
 mod detectors;
 mod errands;
 mod event;
@@ -87,7 +89,8 @@ pub use news::News;
 pub use observer::{Observer, Outcome, Report, StopCause};
 pub use owner::{Owner, owner, owners};
 pub use plan::{Plan, Program, base_folder, root_folder};
-pub use policy::Policy;
+pub use policy::{Adopted, Past, Policy, RobotPast};
+pub use requests::UNDO;
 pub use robot_plan::{Crew, RobotPlan};
 pub use rule::{Restart, Rule};
 pub use run::{SuperviseError, run, run_prepared};

@@ -14,7 +14,7 @@ mod requests;
 mod unit;
 mod watch;
 
-pub use self::adopt::Adopted;
+pub use self::adopt::{Adopted, Past, RobotPast};
 use runtime::Time;
 
 use self::unit::{Intent, Standby, Unit};
@@ -141,6 +141,11 @@ impl Policy {
     /// State of one node.
     pub fn node(&self, node: usize) -> NodeState {
         self.units[node].state
+    }
+
+    /// Whether a replacement of the node is on trial.
+    pub fn on_trial(&self, node: usize) -> bool {
+        self.units[node].trial.is_some()
     }
 
     /// Number of nodes.

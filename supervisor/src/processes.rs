@@ -60,6 +60,11 @@ impl Command {
         })
     }
 
+    /// The file that is run.
+    pub fn program(&self) -> Option<String> {
+        self.path.to_str().ok().map(str::to_owned)
+    }
+
     /// The same with another program; what it is told stays.
     pub fn with_program(&self, program: &OsStr) -> io::Result<Command> {
         let path = text(find_program(program)?.as_os_str())?;
@@ -248,24 +253,33 @@ impl Process {
         let _ = process::kill_process_group(self.pid, Signal::KILL);
     }
 
-    /// How the process ended, if it has. What it forked and left in its group is killed first: a successor must find
-    /// devices and locks free.
-    pub fn reap(&mut self) -> Option<Exit> {
+    /// How the process ended, if it has, without burying it: that may take its time, and is done when this is dropped.
+    /// What it forked and left in its group is killed first: a successor must find devices and locks free.
+    pub fn ended(&mut self) -> Option<Exit> {
         if !self.own {
             return self.reaped_by_root();
         }
-        let options = WaitIdOptions::EXITED | WaitIdOptions::NOHANG;
-        let wait = |options| process::waitid(WaitId::PidFd(self.descriptor.as_fd()), options);
-        if matches!(wait(options | WaitIdOptions::NOWAIT), Ok(None) | Err(Errno::INTR)) {
-            return None;
-        }
+        let options = WaitIdOptions::EXITED | WaitIdOptions::NOHANG | WaitIdOptions::NOWAIT;
+        let status = match process::waitid(WaitId::PidFd(self.descriptor.as_fd()), options) {
+            Ok(None) | Err(Errno::INTR) => return None,
+            status => status,
+        };
         // The group keeps the number of its dead leader until that is reaped, so no stranger can be hit.
         let _ = process::kill_process_group(self.pid, Signal::KILL);
-        let status = wait(options);
-        self.reaped = true;
         let Ok(Some(status)) = status else { return Some(Exit::Unknown) };
         let signalled = || Exit::Signal { signal: status.terminating_signal().unwrap_or(0), core: status.dumped() };
         Some(status.exit_status().map_or_else(signalled, Exit::Code))
+    }
+
+    /// The same, and buries it.
+    pub fn reap(&mut self) -> Option<Exit> {
+        let exit = self.ended()?;
+        if self.own {
+            let _ =
+                process::waitid(WaitId::PidFd(self.descriptor.as_fd()), WaitIdOptions::EXITED | WaitIdOptions::NOHANG);
+        }
+        self.reaped = true;
+        Some(exit)
     }
 }
 

@@ -6,6 +6,7 @@
 //! driver's last will is written when its death has been noticed, as the guard does. What the policy lets the robot do
 //! stands at `/supervisor/robot/state` as on a live robot.
 
+mod answers;
 mod faults;
 mod inject;
 mod planned;
@@ -15,6 +16,7 @@ pub use planned::{PlannedFault, When};
 
 use std::collections::BTreeMap;
 
+use guard::latch::State;
 use messages::{NodeStatistics, SupervisorState, bytemuck};
 use runtime::channel::{Claim, Geometry, RawReader, RawWriter};
 use runtime::robot::Robot;
@@ -38,8 +40,12 @@ const SLOW_LOOKS: u64 = 10;
 /// What happened in a supervised run.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Chronicle {
-    /// Faults injected, by kind: deaths, hangs, slow-downs, bursts, stops, supervisor's deaths.
-    pub faults: [u64; 6],
+    /// Faults injected, by kind: deaths, hangs, slow-downs, bursts, stops, supervisor's deaths, refused commands.
+    pub faults: [u64; 7],
+    /// Commands that reactions have asked for, and those of them that failed.
+    pub commands: u64,
+    /// Of them, those that failed.
+    pub commands_failed: u64,
     /// Restarts of processes, whatever the reason.
     pub restarts: u64,
     /// Times from a death to the next sign of life, in the order of their ends [s].
@@ -66,6 +72,7 @@ enum Later {
     Will(usize),
     EndBurst,
     Person,
+    Resume,
 }
 
 /// A robot in simulation under its supervisor.
@@ -97,8 +104,15 @@ pub struct SupervisedHost {
     wills: Vec<Option<&'static [u8]>>,
     /// What each node did in its former lives.
     former: Vec<NodeStatistics>,
-    /// Since when the emergency stop is latched.
+    /// Where the stop latch stands, and since when the robot must stand.
+    latch: State,
     stopped_since: Option<Time>,
+    /// Commands and paths that reactions name by number.
+    commands: Vec<Vec<String>>,
+    paths: Vec<String>,
+    awaited: Vec<answers::Awaited>,
+    /// Programs that fail, and until when.
+    refused: Vec<(String, Time)>,
     chronicle: Chronicle,
 }
 
@@ -150,7 +164,12 @@ impl SupervisedHost {
             wills: wills.collect(),
             former: vec![NodeStatistics::default(); robot.nodes.len()],
             chronicle: Chronicle::default(),
+            latch: State::Run,
             stopped_since: None,
+            commands: plan.commands,
+            paths: plan.paths,
+            awaited: Vec::new(),
+            refused: Vec::new(),
             crews: plan.crews,
             host,
         };
@@ -167,7 +186,7 @@ impl SupervisedHost {
         &self.host
     }
 
-    /// Since when the emergency stop is latched, if it is.
+    /// Since when the robot must stand: latched, or reset and not yet resumed.
     pub fn stopped_since(&self) -> Option<Time> {
         self.stopped_since
     }
@@ -287,7 +306,8 @@ impl SupervisedHost {
                         self.host.links().link(&name).iter().for_each(runtime::device::MemoryLink::clear_fault);
                     }
                 }
-                Later::Person => self.take(Event::Call(Request::Reset)),
+                Later::Person => self.person(),
+                Later::Resume => self.resume(now),
             }
         }
     }
@@ -348,12 +368,8 @@ impl SupervisedHost {
         if latched && !self.policy.latched() && !(event == Event::Call(Request::Reset) && may_reset) {
             self.chronicle.let_go += 1;
         }
-        if latched != self.policy.latched() {
-            self.stopped_since = (!latched).then_some(now);
-        }
         if latched && !self.policy.latched() {
-            // Reset and resumed by the same person.
-            self.host.set_latch(guard::latch::State::Run);
+            self.arm(now);
         }
         for action in actions {
             self.act(now, action);
@@ -391,22 +407,25 @@ impl SupervisedHost {
                 }
             }
             Action::Kill { node } => self.bury(node),
-            Action::Execute { ticket, .. } | Action::Await { ticket, .. } => {
-                let ends = now.after_s(self.drawn_s(ticket as usize, 7, 1e-3, 50e-3));
-                self.later(ends, Later::Tell(Event::Outcome { ticket, success: true }));
-            }
+            Action::Execute { ticket, command } => self.execute(now, ticket, command),
+            Action::Await { ticket, path, within_s } => self.wait_for(now, ticket, path, within_s),
             Action::Limp { on } => self.chronicle.limps += u64::from(on),
             Action::Hold { on } => self.chronicle.holds += u64::from(on),
             Action::Stop { .. } => {
                 self.chronicle.stops += 1;
-                self.host.set_latch(guard::latch::State::Latched);
+                self.latch(now, State::Latched);
             }
             Action::Notify(incident) => {
                 let given_up =
                     matches!(incident.kind, IncidentKind::Died { next: crate::event::Next::GiveUp { .. }, .. });
                 self.chronicle.given_up += u64::from(given_up);
             }
-            Action::Revert { .. } | Action::Reprioritise { .. } | Action::Heal { .. } | Action::Done => {}
+            Action::Revert { .. }
+            | Action::Accept { .. }
+            | Action::Dismiss { .. }
+            | Action::Reprioritise { .. }
+            | Action::Heal { .. }
+            | Action::Done => {}
         }
     }
 
@@ -444,6 +463,7 @@ impl SupervisedHost {
             return;
         }
         self.looks += 1;
+        self.look_for_paths(now);
         let slowly = self.looks.is_multiple_of(SLOW_LOOKS);
         for crew in 0..self.crews.len() {
             let NodeState::Running { .. } = self.policy.node(crew) else { continue };

@@ -1,8 +1,9 @@
 //! `sinew set` and `sinew wire`: another setting or another source for a node of a robot that drives.
 //!
 //! The change is checked like a robot file, then written where every process of the run reads the robot, and the node is
-//! replaced by a new process that has opened with it. A node that does not open with it changes nothing: what was
-//! written is taken back. `--save` writes the change into the robot file too, comments and order kept.
+//! replaced by a new process that has opened with it. A node that does not open with it changes nothing, and one that
+//! dies on its trial (`care.trial_s`) neither: what was written is taken back, by the supervisor, also when this program
+//! is gone. `--save` writes the change into the robot file too, after the trial, comments and order kept.
 
 use crate::admission;
 use crate::exit::{CHECK, FAILED, Failure, USAGE};
@@ -107,14 +108,26 @@ fn make(change: &Change, more: &More, types: &[NodeType]) -> Result<(), Failure>
     let before = Launch::read(&live.folder)?;
     let robot = before.robot(types)?;
     let path = node_of(&robot, &change.node)?.path();
+    // One change at a time is on trial, so that taking one back takes back no other.
+    await_trials(&live)?;
+    let before = Launch::read(&live.folder)?;
+    let robot = before.robot(types)?;
     let changed = checked(&robot, change, types)?;
     // A file that cannot be saved is told before anything is changed.
     let saved = more.save.then(|| edited(&before, change)).transpose()?;
     let after = Launch { text: changed.text, ..before.clone() };
+    let undo = before.leave_undo(&live.folder, &path)?;
     after.write(&live.folder)?;
     if let Err(failure) = replace(&live, &path, &change.words) {
         before.write(&live.folder)?;
+        let _ = std::fs::remove_file(undo);
         return Err(failure);
+    }
+    await_trials(&live)?;
+    if Launch::read(&live.folder)?.text != after.text {
+        let text =
+            format!("{path} has died on its trial with that, and goes on as before: `sinew incidents` tells how");
+        return Err(Failure::new(FAILED, text));
     }
     if let Some((file, text)) = &saved {
         write_beside(file, text)?;
@@ -195,9 +208,21 @@ fn replace(live: &LiveRobot, path: &str, words: &str) -> Result<(), Failure> {
     Err(Failure::new(FAILED, format!("{path} has not changed within {PATIENCE_S} s: `sinew incidents` tells why")))
 }
 
-fn status(live: &LiveRobot, path: &str) -> Result<NodeStatus, Failure> {
+/// Returns when nothing of the robot is on trial any more.
+fn await_trials(live: &LiveRobot) -> Result<(), Failure> {
+    while whole_status(live)?.nodes.iter().any(|node| node.on_trial) {
+        clock::sleep_s(LOOK_S);
+    }
+    Ok(())
+}
+
+fn whole_status(live: &LiveRobot) -> Result<supervisor::Status, Failure> {
     let status = supervisor::ask(&live.folder, "status", ANSWER_WITHIN_S).map_err(Failure::from)?;
-    let status: supervisor::Status = serde_json::from_str(&status)?;
+    Ok(serde_json::from_str(&status)?)
+}
+
+fn status(live: &LiveRobot, path: &str) -> Result<NodeStatus, Failure> {
+    let status = whole_status(live)?;
     let known = |node: &NodeStatus| node.instance == path;
     status.nodes.into_iter().find(known).ok_or_else(|| {
         Failure::new(

@@ -85,6 +85,8 @@ enum Command {
     Stop(steer::Args),
     #[command(after_help = help::RESTART)]
     Restart(steer::Args),
+    #[command(after_help = help::CLEAR)]
+    Clear(steer::ClearArgs),
     #[command(after_help = help::SET)]
     Set(change::SetArgs),
     #[command(after_help = help::WIRE)]
@@ -180,6 +182,7 @@ fn dispatch(command: Command, types: &[NodeType]) -> Result<(), Failure> {
         Command::Stop(args) => steer::run(&args, "stop"),
         Command::Restart(args) => steer::run(&args, "restart"),
         Command::Replace(args) => steer::replace(&args),
+        Command::Clear(args) => steer::clear(&args),
         Command::Set(args) => change::set(&args, types),
         Command::Wire(args) => change::wire(&args, types),
         Command::Top(args) => top::run(&args),

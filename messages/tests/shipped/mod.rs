@@ -31,6 +31,7 @@ macro_rules! every_message {
             Odometry
             Proposal
             ProtectiveStop
+            RangerVerdict
             Ranges
             Room
             ScanBeam

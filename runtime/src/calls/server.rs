@@ -11,7 +11,7 @@ use rustix::net::sockopt::socket_peercred;
 use super::desk::{CallerNumber, Desk};
 use super::socket::{Listener, Received, Sent, ServeError, receive_buffer, receive_message, send_message};
 use super::stage::Sender;
-use super::wire::{self, Header, Kind};
+use super::wire::{self, Header, Kind, Name};
 use super::{Refusal, RefusalCode};
 use crate::Time;
 use crate::pump::Part;
@@ -98,6 +98,10 @@ impl Server {
         match listener.accept() {
             Ok(socket) if self.connections.len() >= MAX_CALLERS => {
                 let reason = format!("{MAX_CALLERS} callers are connected already: close some");
+                if let Ok(peer) = socket_peercred(&socket) {
+                    let (pid, uid) = (peer.pid.as_raw_nonzero().get(), peer.uid.as_raw());
+                    self.desk.turned_away(Sender { name: Name::default(), pid, uid }, &reason);
+                }
                 let refusal = Refusal::new(RefusalCode::TooManyCallers, reason).to_bytes();
                 let _ = send_message(&socket, &Header::new(Kind::Refused, 0).message(&refusal));
             }
@@ -136,11 +140,11 @@ impl Server {
                     Ok((header, body)) => {
                         desk.receive(now, connection.caller, connection.sender(&header), &header, body);
                     }
-                    Err(error) => desk.malformed(connection.caller, error.to_string()),
+                    Err(error) => desk.malformed(connection.caller, connection.nameless(), error.to_string()),
                 },
                 Received::TooLong(length) => {
                     let reason = format!("a message of {length} bytes; at most {} are allowed", buffer.len());
-                    desk.malformed(connection.caller, reason);
+                    desk.malformed(connection.caller, connection.nameless(), reason);
                 }
                 Received::Nothing => return,
                 Received::Gone => {
@@ -203,6 +207,11 @@ impl Connection {
     /// Who speaks: in its own words, and in the kernel's.
     fn sender(&self, header: &Header) -> Sender {
         Sender { name: header.sender, pid: self.pid, uid: self.uid }
+    }
+
+    /// Who speaks, where what it says cannot be read.
+    fn nameless(&self) -> Sender {
+        Sender { name: Name::default(), pid: self.pid, uid: self.uid }
     }
 
     fn queue(&mut self, kind: Kind, message: Vec<u8>) {

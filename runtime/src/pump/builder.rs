@@ -84,7 +84,8 @@ impl PumpBuilder {
         self.notifier = notifier;
     }
 
-    /// Who hears each change of a device's link, as one line: where, what or why, what to do.
+    /// Who hears each change of a device's link and each call that was not done, as one line: where, what or why, what to
+    /// do.
     pub fn log(&mut self, log: Log) {
         self.log = log;
     }
@@ -166,6 +167,7 @@ impl PumpBuilder {
             }
         }
         let desk = calls::Desk::new(&self.path, self.stages, self.state, self.step).map_err(calls::ServeError::from)?;
+        let desk = desk.with_log(Arc::clone(&self.log));
         let notify = told(&self.notifier, Arrival::Call);
         parts.push(Box::new(calls::Server::open(root, &self.path, desk, notify, self.take_over, self.callers)?));
         for line in self.lines {
@@ -185,6 +187,7 @@ impl PumpBuilder {
     /// Serves the node's calls within a simulated host instead, without a thread. Its devices are memory links.
     pub fn join(self, calls: &LocalCalls) -> Result<(), PumpError> {
         let desk = calls::Desk::new(&self.path, self.stages, self.state, self.step).map_err(calls::ServeError::from)?;
+        let desk = desk.with_log(self.log);
         let (call, reply) = (told(&self.notifier, Arrival::Call), told(&self.notifier, Arrival::Reply));
         calls.join(&self.path, desk, self.lines, call, reply);
         Ok(())
