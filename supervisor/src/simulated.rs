@@ -7,6 +7,7 @@
 //! stands at `/supervisor/robot/state` as on a live robot.
 
 mod faults;
+mod governed;
 mod inject;
 mod planned;
 
@@ -97,6 +98,8 @@ pub struct SupervisedHost {
     wills: Vec<Option<&'static [u8]>>,
     /// What each node did in its former lives.
     former: Vec<NodeStatistics>,
+    /// What the governor wants, where there is one.
+    governor: Option<governed::Governor>,
     /// Since when the emergency stop is latched.
     stopped_since: Option<Time>,
     chronicle: Chronicle,
@@ -149,6 +152,7 @@ impl SupervisedHost {
             died_at: vec![None; count],
             wills: wills.collect(),
             former: vec![NodeStatistics::default(); robot.nodes.len()],
+            governor: governed::Governor::of(&host, &plan.crews),
             chronicle: Chronicle::default(),
             stopped_since: None,
             crews: plan.crews,
@@ -442,6 +446,9 @@ impl SupervisedHost {
     fn look(&mut self, now: Time) {
         if now < self.absent_until {
             return;
+        }
+        if let Some(event) = self.governor.as_mut().and_then(|governor| governor.hear(now)) {
+            self.take(event);
         }
         self.looks += 1;
         let slowly = self.looks.is_multiple_of(SLOW_LOOKS);

@@ -132,6 +132,7 @@ pub(super) fn plan(robot: &Robot) -> Result<Plan, Failure> {
     Ok(Plan {
         supervision: Some(supervision),
         crews,
+        tasks: supervisor::node_tasks(robot),
         commands,
         awaited: paths,
         ..Plan::new(robot.name.clone(), programs)
