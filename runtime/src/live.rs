@@ -3,6 +3,7 @@
 //! Between steps a node's thread sleeps in one wait on its triggers and its private word; it uses no CPU while nothing
 //! comes. Opening of new rings, publishing of statistics and logging happen between steps, after the outputs are out.
 
+use crate::announced::Announced;
 use crate::calls::StepWatch;
 use crate::channel::{Claim, PrivateWord, Tree, Waiter};
 use crate::clock;
@@ -331,6 +332,8 @@ struct NodeThread {
     line: Option<Line>,
     faults: bool,
     guard: Option<Arc<GuardLine>>,
+    /// What the governor says of its period.
+    announced: Option<Announced>,
     /// The newest word of the latch that a step has seen, and that the node has said to have obeyed.
     latch_seen: u32,
     obeyed: u32,
@@ -418,6 +421,7 @@ impl NodeThread {
             line,
             faults: options.tree.is_some_and(|tree| tree.faults),
             guard,
+            announced: Announced::of(robot, spec),
             latch_seen: 0,
             obeyed: 0,
         })
@@ -428,6 +432,9 @@ impl NodeThread {
         while !sys::stop_requested() {
             waiter.snapshot();
             let now = clock::now();
+            if let Some(announced) = &mut self.announced {
+                self.running.keep_to(now, announced.look(now));
+            }
             match self.release(now) {
                 Some(release) => {
                     // The result is counted by `step`; what changed is logged between steps.
@@ -439,6 +446,7 @@ impl NodeThread {
                     let _ = self.running.step(now, release, clock::now);
                     let ended = clock::now();
                     self.step_watch.end(ended);
+                    self.count();
                     self.tell_obeyed();
                     self.beat(ended, Phase::Waiting);
                     if self.between_steps() {
@@ -447,10 +455,14 @@ impl NodeThread {
                 }
                 None => {
                     self.beat(now, Phase::Waiting);
-                    let grid = self.running.grid.map(|grid| grid.next());
+                    let grid = self.running.next_on_grid();
                     let beat = self.line.map(|_| now.after_s(BEAT_S));
                     let until = [grid, beat].into_iter().flatten().min();
                     waiter.wait(until.map(Time::nanos));
+                    // Of the suspended there is no step to do it after.
+                    if self.running.suspended && self.between_steps() {
+                        waiter = self.waiter();
+                    }
                 }
             }
         }
@@ -464,6 +476,12 @@ impl NodeThread {
     fn beat(&self, now: Time, phase: Phase) {
         if let Some(line) = &self.line {
             line.beat(now.nanos(), phase);
+        }
+    }
+
+    fn count(&self) {
+        if let Some(line) = &self.line {
+            line.count(self.running.counted.work());
         }
     }
 
@@ -512,7 +530,8 @@ impl NodeThread {
         let device = self.device_trigger && kinds & bit(Arrival::Device) != 0;
         let sampled = self.triggers.iter().fold(None, |newest: Option<Time>, input| newest.max(input.take_arrival()));
         let latched = self.latched(now);
-        match self.running.grid {
+        let sampled = sampled.filter(|_| !self.running.suspended);
+        match self.running.grid.filter(|_| !self.running.suspended) {
             Some(grid) if grid.due(now) => Some(grid.next()),
             _ if device || called => Some(Time::from_nanos(self.arrivals.at_ns.load(Ordering::Relaxed)).min(now)),
             _ => latched.or(sampled.map(|stamp| stamp.min(now))),
@@ -561,6 +580,9 @@ impl NodeThread {
             return false;
         }
         self.rebind = now;
+        if let Some(announced) = &mut self.announced {
+            announced.bind(&self.tree);
+        }
         for input in self.running.opened.ports.inputs() {
             if let Err(e) = input.bind(&self.tree) {
                 eprintln!("{}: {e}", self.instance);

@@ -22,7 +22,7 @@ const MOST_CONNECTIONS: usize = 16;
 /// After the end of the supervisor the rest of the tree is gone within milliseconds [s].
 const LEAVES_WITHIN_S: f64 = 0.5;
 /// No request is longer.
-const LONGEST_REQUEST_BYTES: usize = 256;
+const LONGEST_REQUEST_BYTES: usize = 1024;
 const UNKNOWN: &str =
     r#"{"error":"unknown request; known are: down, status, start NODE, stop NODE, restart NODE, clear"}"#;
 /// No answer is longer.

@@ -145,6 +145,7 @@ pub(super) fn plan(robot: &Robot) -> Result<Plan, Failure> {
     Ok(Plan {
         supervision: Some(supervision),
         crews,
+        tasks: supervisor::node_tasks(robot),
         commands,
         awaited: paths,
         ownership,

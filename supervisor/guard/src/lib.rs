@@ -33,7 +33,7 @@ pub use latch_page::{LatchPage, SourceInfo, Word};
 pub use memory::{Words, make_memfd};
 pub use state_file::{Loaded, StateError, StateFile};
 pub use sys::{become_program, exit_of, inherited, place};
-pub use table::{Injected, KEPT_BYTES, LINES, Line, Phase, SUPERVISOR_LINE, Table};
+pub use table::{Injected, KEPT_BYTES, LINES, Line, Phase, SUPERVISOR_LINE, Table, Work};
 pub use wire::{Kept, Will};
 
 use std::ffi::OsString;
