@@ -209,8 +209,7 @@ impl Overload {
         self.plan(all, foreign, squeeze);
         let given = self.demands.iter().zip(&self.planner.given);
         let shorter = |(node, given): (&Demand, &Given)| {
-            node.suspended && !given.suspended
-                || !given.suspended && given.period_s < (1.0 - WORTH) * node.period_s
+            !given.suspended && (node.suspended || given.period_s < (1.0 - WORTH) * node.period_s)
                 || given.period_s < node.period_s && given.period_s == node.asked_s
         };
         let longer =
