@@ -158,7 +158,6 @@ fn attempt_it(attempt: &str, root: &Path, pid: Pid) -> Result<(), String> {
         "reset" => {
             for word in ["reset", "resume"] {
                 let (answer, _) = guard::ask(root, word, 5.0).map_err(|e| text(&e))?;
-                let answer = String::from_utf8_lossy(&answer).into_owned();
                 if !answer.starts_with("ok ") {
                     return Err(format!("{word}: {answer}"));
                 }
@@ -276,7 +275,7 @@ impl Robot {
     }
 
     fn say(&self, word: &str) -> bool {
-        guard::ask(&self.root(), word, 10.0).is_ok_and(|(answer, _)| answer.starts_with(b"ok "))
+        guard::ask(&self.root(), word, 10.0).is_ok_and(|(answer, _)| answer.starts_with("ok "))
     }
 
     fn speed(&self) -> Option<f64> {
@@ -340,7 +339,8 @@ impl Robot {
         if attempt == "unlink" && done {
             self.until("the channel is back", || {
                 self.root().join("motion/drive/command").exists() || {
-                    self.pid("/motion/drive")
+                    let _ = self
+                        .pid("/motion/drive")
                         .is_some_and(|pid| kill_process(Pid::from_raw(pid).unwrap(), Signal::TERM).is_ok());
                     false
                 }

@@ -46,6 +46,7 @@ const LAYOUTS: &[(&str, usize, u64)] = &[
     ("Periods", 16, 0x8be3_0d15_e4ab_e6d4),
     ("Proposal", 112, 0x1b8f_7b10_6048_5186),
     ("ProtectiveStop", 24, 0x9dd2_4589_9021_958d),
+    ("RangerVerdict", 24, 0x2c36_fe30_d74c_1668),
     ("Ranges", 16, 0xd40a_7f3b_a98d_f009),
     ("Room", 56, 0x8ba7_f460_1e08_ed04),
     ("ScanBeam", 8, 0x5241_9a97_92fe_322a),
