@@ -446,7 +446,9 @@ impl NodeThread {
                     let _ = self.running.step(now, release, clock::now);
                     let ended = clock::now();
                     self.step_watch.end(ended);
-                    self.count();
+                    if let Some(line) = &self.line {
+                        line.count(self.running.counted.work());
+                    }
                     self.tell_obeyed();
                     self.beat(ended, Phase::Waiting);
                     if self.between_steps() {
@@ -476,12 +478,6 @@ impl NodeThread {
     fn beat(&self, now: Time, phase: Phase) {
         if let Some(line) = &self.line {
             line.beat(now.nanos(), phase);
-        }
-    }
-
-    fn count(&self) {
-        if let Some(line) = &self.line {
-            line.count(self.running.counted.work());
         }
     }
 
