@@ -21,6 +21,9 @@ pub struct Launch {
     pub seed: u64,
     /// Nodes of the run, as in /drivers/base: a robot with real devices runs without its world.
     pub nodes: Vec<String>,
+    /// Those of them that came while it ran, in the order of their coming: they stand last in every list.
+    #[serde(default)]
+    pub spawned: Vec<String>,
 }
 
 impl Launch {
@@ -35,6 +38,7 @@ impl Launch {
             },
             seed,
             nodes: robot.nodes.iter().map(runtime::robot::NodeSpec::path).collect(),
+            spawned: Vec::new(),
         }
     }
 
@@ -75,6 +79,9 @@ impl Launch {
         };
         let mut robot = Robot::parse(&self.text, &self.file, resources, types).map_err(load::errors)?;
         robot.nodes.retain(|node| self.nodes.contains(&node.path()));
+        // The others keep their lines in the table of heartbeats. The sort is stable.
+        let came = |path: &str| self.spawned.iter().position(|spawned| spawned == path).map_or(0, |place| place + 1);
+        robot.nodes.sort_by_key(|node| came(&node.path()));
         Ok(robot)
     }
 }

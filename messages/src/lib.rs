@@ -64,7 +64,9 @@ pub use requests::{Done, Sound, Switch, Trigger};
 pub use schema::{
     Element, Field, JsonError, JsonProblem, Kind, Schema, SchemaError, SchemaText, from_json_value, to_json_value,
 };
-pub use supervision::{Governance, Notice, SupervisorState};
+pub use supervision::{
+    Governance, Load, NODE_NAME_BYTES, NodeLoad, NodePeriod, Notice, Periods, Shortage, SupervisorState,
+};
 pub use tracks::{Segment, SegmentShape, Segments, Track, TrackMotion, TrackState, Tracks};
 pub use truth::{Contact, ContactCause, Truth};
 

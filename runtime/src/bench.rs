@@ -193,6 +193,8 @@ impl<N: Node> BenchBuilder<N> {
             missed: Missed::Skip,
             priority: 50,
             process: None,
+            isolate: crate::robot::Isolate::None,
+            user: None,
             restart: Restart::Never,
             care: CareTable::default(),
             importance: 50,

@@ -58,6 +58,13 @@ impl Detectors {
         }
     }
 
+    /// Looks at one process more, of the single node `path`.
+    pub fn add(&mut self, path: &str) {
+        let expect = Expect { type_name: NodeStatistics::NAME.into(), layout_hash: NodeStatistics::layout_hash() };
+        let statistics = Ring::new(format!("{path}/statistics"), Some(expect));
+        self.crews.push(Watched { statistics: vec![(statistics, 0)], ..Watched::default() });
+    }
+
     /// What there is to tell of the nodes that run since `running` says.
     pub fn look(&mut self, now: Time, running: &dyn Fn(usize) -> Option<Time>) -> Vec<Event> {
         let mut events = Vec::new();

@@ -28,6 +28,7 @@ use crate::processes::{Launcher, Process};
 use crate::requests;
 use crate::signals::Signals;
 use crate::slot::Slot;
+use crate::spawn;
 use crate::state::{NodeState, RobotState};
 use crate::status::{NodeStatus, Status};
 use crate::wall::utc;
@@ -304,14 +305,25 @@ impl Host<'_> {
     fn serve(&mut self) {
         let status = serde_json::to_string(&self.status()).unwrap_or_default();
         let instances: Vec<String> = self.slots.iter().map(|slot| slot.instance.clone()).collect();
-        let (policy, mut asked) = (&self.policy, Vec::new());
+        let lines = self.inside.as_ref().map(|inside| inside.beats.lines());
+        let (policy, mut asked, mut newcomers) = (&self.policy, Vec::new(), Vec::new());
         let down = self.control.serve(&status, &mut |words| {
+            if let Some(text) = words.strip_prefix("spawn ") {
+                let answer = spawn::accept(text, &instances, policy, lines);
+                let (answer, newcomer) = answer.map_or_else(spawn::refused, spawn::accepted);
+                newcomers.extend(newcomer);
+                return Some(answer);
+            }
             let (answer, request) = requests::answer(words, &instances, policy)?;
             asked.extend(request.map(|request| (words.to_owned(), request)));
             Some(answer)
         });
         for (words, request) in asked {
             self.carry_out(&words, request);
+        }
+        for newcomer in newcomers {
+            self.spawn(&newcomer);
+            self.take(Event::Timer);
         }
         if down {
             self.end(StopCause::Down, false);

@@ -15,6 +15,7 @@ use crate::event::{Event, Request};
 use crate::exit::Exit;
 use crate::host::{Host, Source};
 use crate::incidents::Record;
+use crate::load::Teller;
 use crate::observer::StopCause;
 use crate::proc;
 use crate::remembered;
@@ -43,6 +44,8 @@ pub(crate) struct InTree {
     pub orphaned: bool,
     /// The supervisor's own heartbeat, which the guard looks at.
     pub own: Option<Line>,
+    /// Tells how busy the nodes are.
+    pub load: Teller,
 }
 
 impl InTree {
@@ -161,6 +164,8 @@ impl Host<'_> {
         let slots = &self.slots;
         let process = |node: usize| slots[node].process.as_ref().and(slots[node].pid);
         inside.beats.look(now, LOOK_S, &inside.witnesses, process, &mut events);
+        let channels = &mut self.channels;
+        events.extend(inside.load.look(now, process, |load, nodes| channels.load(now, load, nodes)));
         for event in events {
             self.take(event);
         }

@@ -86,6 +86,11 @@ impl Policy {
         }
     }
 
+    /// Takes care of one node more, which is started at the next event. Its number is that of the nodes so far.
+    pub fn add(&mut self, care: Care) {
+        self.units.push(Unit::new(care, None));
+    }
+
     /// Takes in what has happened and appends to `actions` what is to be done about it.
     pub fn handle(&mut self, now: Time, event: Event, actions: &mut Vec<Action>) {
         if self.phase == Phase::Done {

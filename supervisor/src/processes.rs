@@ -65,6 +65,27 @@ impl Command {
         self.path.to_str().ok().map(str::to_owned)
     }
 
+    /// The same for the single node `path` of the same robot, with its heartbeats in `line`.
+    pub fn for_node(&self, path: &str, line: usize) -> io::Result<Command> {
+        // What stands before the paths is the same for every node: program, `node`, `--root`, folder.
+        let before = self.arguments.iter().take_while(|argument| argument.to_bytes() != b"--root").count() + 2;
+        let node = text(OsStr::new(path))?;
+        let arguments = self.arguments.iter().take(before).cloned().chain([node]).collect();
+        let told = |entry: &CString| -> io::Result<CString> {
+            let value = |name: &str| entry.to_str().ok()?.strip_prefix(name)?.strip_prefix('=');
+            match (value("SINEW_NODE"), value("SINEW_TABLE")) {
+                (Some(_), _) => text(OsStr::new(&format!("SINEW_NODE={path}"))),
+                (_, Some(table)) => {
+                    let memory = table.split(' ').next().unwrap_or_default();
+                    text(OsStr::new(&format!("SINEW_TABLE={memory} {line} 1")))
+                }
+                _ => Ok(entry.clone()),
+            }
+        };
+        let environment = self.environment.iter().map(told).collect::<io::Result<_>>()?;
+        Ok(Command { path: self.path.clone(), arguments, environment })
+    }
+
     /// The same with another program; what it is told stays.
     pub fn with_program(&self, program: &OsStr) -> io::Result<Command> {
         let path = text(find_program(program)?.as_os_str())?;

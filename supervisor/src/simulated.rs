@@ -8,6 +8,7 @@
 
 mod answers;
 mod faults;
+mod governed;
 mod inject;
 mod planned;
 
@@ -104,6 +105,8 @@ pub struct SupervisedHost {
     wills: Vec<Option<&'static [u8]>>,
     /// What each node did in its former lives.
     former: Vec<NodeStatistics>,
+    /// What the governor wants, where there is one.
+    governor: Option<governed::Governor>,
     /// Where the stop latch stands, and since when the robot must stand.
     latch: State,
     stopped_since: Option<Time>,
@@ -163,6 +166,7 @@ impl SupervisedHost {
             died_at: vec![None; count],
             wills: wills.collect(),
             former: vec![NodeStatistics::default(); robot.nodes.len()],
+            governor: governed::Governor::of(&host, &plan.crews),
             chronicle: Chronicle::default(),
             latch: State::Run,
             stopped_since: None,
@@ -461,6 +465,9 @@ impl SupervisedHost {
     fn look(&mut self, now: Time) {
         if now < self.absent_until {
             return;
+        }
+        if let Some(event) = self.governor.as_mut().and_then(|governor| governor.hear(now)) {
+            self.take(event);
         }
         self.looks += 1;
         self.look_for_paths(now);

@@ -82,6 +82,11 @@ impl Slot {
         }
     }
 
+    /// The command of another node, `path`, with heartbeats from `line` on; `None` for programs that run no nodes.
+    pub fn like(&self, path: &str, line: usize) -> Option<io::Result<Command>> {
+        self.instance.starts_with('/').then(|| self.command.for_node(path, line))
+    }
+
     /// Processes that came before the present one.
     pub fn restarts(&self) -> u32 {
         self.starts.saturating_sub(1)

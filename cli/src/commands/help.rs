@@ -10,7 +10,7 @@ const GROUPS: [(&str, &[&str]); 5] = [
         "Run a robot",
         &[
             "run", "drive", "goto", "mode", "down", "estop", "reset", "resume", "start", "stop", "restart", "clear",
-            "replace", "set", "wire", "simulate", "shrink", "compare", "barn",
+            "replace", "set", "wire", "spawn", "simulate", "shrink", "compare", "barn",
         ],
     ),
     ("Look at a running robot", &["top", "incidents", "ls", "cat", "hz", "logs", "call"]),
@@ -226,6 +226,17 @@ Examples:
 Types must agree. A node is written to by one alone, so a wire never makes a second writer.
 
 JSON (--json): robot, node, change, saved, ok.";
+
+pub const SPAWN: &str = "\
+Examples:
+  sinew spawn stop_zone --at watch --period 100 --budget 2 --read ranges=/perception/echoes/ranges
+  sinew spawn forward --at creep --period 100 --budget 1 --set speed_m_s=0.05 --save
+
+The robot file with the new node is checked as `sinew check` would, the node is opened for its ports, and response-time
+analysis must find that nobody misses a deadline for it: nodes without budget_ms count with what was measured of them.
+What is refused changes nothing. A spawned node stands last until the robot starts anew; `sinew stop` ends it.
+
+JSON (--json): robot, node, change, saved, reckoned, utilization, ok.";
 
 pub const REPLACE: &str = "\
 Examples:

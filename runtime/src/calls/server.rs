@@ -35,6 +35,8 @@ pub(crate) struct Server {
     /// When to accept again, after a pause for want of descriptors.
     accept_from: Option<Time>,
     notify: Box<dyn Fn() + Send>,
+    /// Users that are heard besides root and this process's own; `None`: whoever can connect.
+    callers: Option<Vec<u32>>,
     buffer: Box<[u8]>,
 }
 
@@ -55,11 +57,12 @@ impl Server {
         desk: Desk,
         notify: Box<dyn Fn() + Send>,
         take_over: bool,
+        callers: Option<Vec<u32>>,
     ) -> Result<Server, ServeError> {
         let listener = Some(Listener::open(root, node, take_over)?);
         let buffer = receive_buffer();
         let (connections, last_caller, accept_from) = (Vec::new(), 0, None);
-        Ok(Server { listener, desk, connections, last_caller, accept_from, notify, buffer })
+        Ok(Server { listener, desk, connections, last_caller, accept_from, notify, callers, buffer })
     }
 
     /// Sends what the desk has for its callers, forgets those who have gone, and tells the step what is new.
@@ -84,6 +87,12 @@ impl Server {
         }
     }
 
+    /// Whether the user `uid` may call: by the kernel's word, not by its own.
+    fn hears(&self, uid: u32) -> bool {
+        let Some(callers) = &self.callers else { return true };
+        uid == 0 || uid == rustix::process::geteuid().as_raw() || callers.contains(&uid)
+    }
+
     fn accept(&mut self, now: Time) {
         let Some(listener) = &self.listener else { return };
         match listener.accept() {
@@ -98,6 +107,12 @@ impl Server {
             }
             Ok(socket) => {
                 let Ok(peer) = socket_peercred(&socket) else { return };
+                if !self.hears(peer.uid.as_raw()) {
+                    let reason = format!("user {} is no caller of this node by the robot file", peer.uid.as_raw());
+                    let refusal = Refusal::new(RefusalCode::NotAllowed, reason).to_bytes();
+                    let _ = send_message(&socket, &Header::new(Kind::Refused, 0).message(&refusal));
+                    return;
+                }
                 self.last_caller += 1;
                 self.connections.push(Connection {
                     socket,

@@ -27,6 +27,7 @@ pub struct PumpBuilder {
     state: NodeState,
     step: Arc<StepWatch>,
     take_over: bool,
+    callers: Option<Vec<u32>>,
     guard: Option<Arc<GuardLine>>,
     sources: Vec<Arc<SourceWord>>,
 }
@@ -67,6 +68,7 @@ impl PumpBuilder {
             state: NodeState::default(),
             step: Arc::default(),
             take_over: false,
+            callers: None,
             guard: None,
             sources: Vec::new(),
         }
@@ -118,6 +120,11 @@ impl PumpBuilder {
         self.take_over = true;
     }
 
+    /// Hears calls of these users, root and this process's own only.
+    pub fn callers(&mut self, users: Vec<u32>) {
+        self.callers = Some(users);
+    }
+
     /// A source of stops that the guard is told of.
     pub(crate) fn stop_source(&mut self, source: &Arc<SourceWord>) {
         self.sources.push(source.clone());
@@ -162,7 +169,7 @@ impl PumpBuilder {
         let desk = calls::Desk::new(&self.path, self.stages, self.state, self.step).map_err(calls::ServeError::from)?;
         let desk = desk.with_log(Arc::clone(&self.log));
         let notify = told(&self.notifier, Arrival::Call);
-        parts.push(Box::new(calls::Server::open(root, &self.path, desk, notify, self.take_over)?));
+        parts.push(Box::new(calls::Server::open(root, &self.path, desk, notify, self.take_over, self.callers)?));
         for line in self.lines {
             if !line.attach(waker.clone()) {
                 return Err(PumpError::AttachedTwice(format!("caller of {}", line.target)));
