@@ -199,8 +199,7 @@ pub fn run(
         }
         ready(&grants.lock().unwrap_or_else(|e| e.into_inner()));
         if robot.realtime.scheduler == Scheduler::Fifo {
-            // From here on this thread sleeps until the end. A killed process is dead when the last of its threads is: one
-            // that waits for a processor behind everybody else would hide the death from the supervisor.
+            // It sleeps from here on, but must run to die: behind everybody else it would hide a death.
             let _ = realtime::ask_for_fifo(lowest);
         }
     }
@@ -360,7 +359,6 @@ impl NodeThread {
         let instance = spec.instance.clone();
         let fail = |source: OpenError| LiveError::Open { instance: instance.clone(), source };
         if granted.is_none() {
-            // What reading and opening took, and a step does not need.
             sys::trim_heap();
         }
         let tree = Tree::shared(&options.root).map_err(|e| LiveError::Tree(e.to_string()))?;

@@ -3,7 +3,6 @@
 
 mod guard;
 mod modes;
-mod rangers;
 
 use messages::{GotoGoal, MoveRequest, SetMode};
 use runtime::calls::TicketState;

@@ -34,7 +34,7 @@ impl Default for CrossCheckConfig {
             max_age_ms: 300.0,
             tolerance_m: 0.25,
             tolerance_share: 0.1,
-            disagreeing_share: 0.5,
+            disagreeing_share: 0.35,
             least_compared: 4,
             after_s: 0.5,
             return_after_s: 2.0,
