@@ -2,9 +2,10 @@
 //!
 //! A node counts with `budget_ms`, its deadline, its priority and the shortest time between two of its releases: its
 //! period, or that of whoever triggers it. Nodes without a budget are not reckoned with; `sinew check` says how many are.
+//! On a running robot they count with what was measured ([`judge_with`]).
 
 use coordinator::response::{Task, misses, utilization};
-use runtime::robot::{Graph, RobotError};
+use runtime::robot::{Graph, NodeSpec, RobotError};
 
 /// What the analysis found.
 #[derive(Debug, Clone, PartialEq)]
@@ -15,6 +16,8 @@ pub struct Verdict {
     pub utilization: f64,
     /// Each node that can miss its deadline.
     pub errors: Vec<RobotError>,
+    /// Their names, in the same order.
+    pub missing: Vec<String>,
 }
 
 /// The shortest time between two releases of node `index` [ns]; `None` where nobody knows.
@@ -34,15 +37,23 @@ fn period_ns(graph: &Graph, index: usize, depth: usize) -> Option<u64> {
 
 /// Reckons with every node of `graph` that has a budget.
 pub fn judge(graph: &Graph, file: &str) -> Verdict {
+    judge_with(graph, file, &|_| None)
+}
+
+/// The same, with what was `measured` of nodes without a budget [ns].
+pub fn judge_with(graph: &Graph, file: &str, measured: &dyn Fn(&NodeSpec) -> Option<u64>) -> Verdict {
     let task = |index: usize| {
         let spec = &graph.nodes[index].spec;
-        let (execution_ns, period_ns) = (spec.budget_ns?, period_ns(graph, index, graph.nodes.len())?);
+        let execution_ns = spec.budget_ns.or_else(|| measured(spec))?;
+        let period_ns = period_ns(graph, index, graph.nodes.len())?;
         let deadline_ns = spec.deadline_ns.unwrap_or(period_ns).min(period_ns);
         Some(Task { name: spec.instance.clone(), period_ns, deadline_ns, execution_ns, priority: spec.priority })
     };
     let tasks: Vec<Task> = (0..graph.nodes.len()).filter_map(task).collect();
     let ms = |ns: u64| ns as f64 * 1e-6;
-    let errors = misses(&tasks).into_iter().map(|miss| {
+    let found = misses(&tasks);
+    let missing = found.iter().map(|miss| miss.name.clone()).collect();
+    let errors = found.into_iter().map(|miss| {
         let reason = format!(
             "node \"{}\" can miss its deadline of {} ms by {} ms or more: its response reaches {} ms",
             miss.name,
@@ -56,7 +67,7 @@ pub fn judge(graph: &Graph, file: &str) -> Verdict {
         };
         RobotError::plain(file, reason).advise(advice)
     });
-    Verdict { reckoned: tasks.len(), utilization: utilization(&tasks), errors: errors.collect() }
+    Verdict { reckoned: tasks.len(), utilization: utilization(&tasks), errors: errors.collect(), missing }
 }
 
 #[cfg(test)]

@@ -13,6 +13,8 @@ pub fn node_types(extra: &[NodeType]) -> Vec<NodeType> {
 /// Files of the default robot: the Pioneer in its office.
 pub const PIONEER: Embedded = &[
     ("robot.toml", include_bytes!("../../robots/pioneer/robot.toml")),
+    ("laser.toml", include_bytes!("../../robots/pioneer/laser.toml")),
+    ("three_rangers.toml", include_bytes!("../../robots/pioneer/three_rangers.toml")),
     ("worlds/office.toml", include_bytes!("../../robots/pioneer/worlds/office.toml")),
     ("worlds/opening.toml", include_bytes!("../../robots/pioneer/worlds/opening.toml")),
     ("worlds/corridor.toml", include_bytes!("../../robots/pioneer/worlds/corridor.toml")),

@@ -21,6 +21,9 @@ pub struct Launch {
     pub seed: u64,
     /// Nodes of the run, as in /drivers/base: a robot with real devices runs without its world.
     pub nodes: Vec<String>,
+    /// Those of them that came while it ran, in the order of their coming: they stand last in every list.
+    #[serde(default)]
+    pub spawned: Vec<String>,
 }
 
 impl Launch {
@@ -35,6 +38,7 @@ impl Launch {
             },
             seed,
             nodes: robot.nodes.iter().map(runtime::robot::NodeSpec::path).collect(),
+            spawned: Vec::new(),
         }
     }
 
@@ -47,6 +51,14 @@ impl Launch {
         std::fs::write(&beside, serde_json::to_vec_pretty(self)?)?;
         std::fs::rename(&beside, folder.join("launch.json"))?;
         Ok(())
+    }
+
+    /// Leaves it where the supervisor takes it from when the change of `node` fails its trial; that file.
+    pub fn leave_undo(&self, root: &Path, node: &str) -> Result<PathBuf, Failure> {
+        let name = node.trim_start_matches('/').replace('/', ".");
+        let file = root.join(".run").join(format!("{}{name}", supervisor::UNDO));
+        std::fs::write(&file, serde_json::to_vec_pretty(self)?)?;
+        Ok(file)
     }
 
     /// Finds it below `root`.
@@ -67,6 +79,9 @@ impl Launch {
         };
         let mut robot = Robot::parse(&self.text, &self.file, resources, types).map_err(load::errors)?;
         robot.nodes.retain(|node| self.nodes.contains(&node.path()));
+        // The others keep their lines in the table of heartbeats. The sort is stable.
+        let came = |path: &str| self.spawned.iter().position(|spawned| spawned == path).map_or(0, |place| place + 1);
+        robot.nodes.sort_by_key(|node| came(&node.path()));
         Ok(robot)
     }
 }

@@ -12,6 +12,7 @@ mod admission;
 pub mod batch;
 pub mod built_in;
 mod commands;
+mod cycles;
 pub mod exit;
 pub mod experiments;
 pub mod launch;

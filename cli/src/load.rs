@@ -46,7 +46,8 @@ pub fn robot(place: Option<&Path>, changes: &Changes, types: &[NodeType]) -> Res
     if !contradictions.is_empty() {
         return Err(Failure::new(CHECK, format!("{}: {}", robot.file, contradictions.join("\n"))));
     }
-    Ok(robot)
+    let flaws = supervisor::isolation::flaws(&robot);
+    if flaws.is_empty() { Ok(robot) } else { Err(errors(flaws)) }
 }
 
 fn written(place: Option<&Path>, types: &[NodeType]) -> Result<Robot, Failure> {

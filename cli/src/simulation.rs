@@ -42,8 +42,11 @@ pub struct RunResult {
 /// What injected faults did to a run.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct FaultResult {
-    /// Faults injected: deaths, hangs, slow-downs, bursts of lost bytes, emergency stops, deaths of the supervisor.
-    pub injected: [u64; 6],
+    /// Faults injected: deaths, hangs, slow-downs, bursts of lost bytes, emergency stops, deaths of the supervisor, spells
+    /// in which a command of reactions fails.
+    pub injected: [u64; 7],
+    /// Commands that reactions asked for (a simulated robot runs none), and those of them that were answered as failed.
+    pub commands_and_failed: [u64; 2],
     /// Restarts of processes.
     pub restarts: u64,
     /// Processes given up.
@@ -52,7 +55,7 @@ pub struct FaultResult {
     pub limps_holds_stops: [u64; 3],
     /// Emergency stops that ended without a reset, or with one before their cause had gone.
     pub stops_let_go: u64,
-    /// Commands to move more than a second after an emergency stop and before its reset.
+    /// Commands to move more than a second after an emergency stop and before the robot was reset and resumed.
     pub moves_while_stopped: u64,
     /// From a death to the next sign of life: median, 99 % and greatest [ms].
     pub recovery_ms: [f64; 3],
@@ -66,6 +69,9 @@ impl FaultResult {
             *sum += one;
         }
         for (sum, one) in self.limps_holds_stops.iter_mut().zip(other.limps_holds_stops) {
+            *sum += one;
+        }
+        for (sum, one) in self.commands_and_failed.iter_mut().zip(other.commands_and_failed) {
             *sum += one;
         }
         self.restarts += other.restarts;
@@ -224,6 +230,7 @@ fn run_under_faults(robot: &Robot, seed: u64, seconds: f64, faults: &Faults) -> 
     let told = supervised.chronicle();
     let result = FaultResult {
         injected: told.faults,
+        commands_and_failed: [told.commands, told.commands_failed],
         restarts: told.restarts,
         given_up: told.given_up,
         limps_holds_stops: [told.limps, told.holds, told.stops],

@@ -54,6 +54,10 @@ fn no_built_in_node_allocates_in_a_step() {
         );
         // What no robot that comes along wires yet.
         let text = match name {
+            "laser" => format!(
+                "{text}[nodes.checked]\ntype = \"cross_check\"\ntrigger = \"rangers\"\n\
+                 reads.rangers = [\"/drivers/laser/ranges\", \"/drivers/base/sonar\"]\n"
+            ),
             "service" => format!(
                 "{text}[nodes.near]\ntype = \"ranges\"\ntrigger = \"ranger\"\nreads.ranger = \"/drivers/base/sonar\"\n\
                  [nodes.recall]\ntype = \"recall\"\ntrigger = \"scan\"\nreads.scan = \"/perception/near/ranges\"\n\

@@ -362,6 +362,42 @@ fn settings_and_wires_change_while_it_drives_and_what_is_refused_changes_nothing
 }
 
 #[test]
+fn a_setting_under_which_the_node_dies_on_its_trial_is_taken_back_whoever_supervises_then() {
+    let mut robot = Robot::new().run(&["--set", "nodes.forward.care.trial_s=30"]);
+    robot.moves();
+    let launch = || std::fs::read_to_string(robot.root().join(".run/launch.json")).unwrap();
+    let before = launch();
+    for takes_over in [false, true] {
+        let old = robot.node("/actions/forward");
+        let mut set = robot.command(&["set", "forward.speed_m_s", "0.11"]);
+        let set = set.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+        robot.until("the new setting is on trial", || {
+            let node =
+                |n: &supervisor::NodeStatus| n.instance == "/actions/forward" && n.state == "running" && n.on_trial;
+            robot.status().nodes.iter().any(node)
+        });
+        assert!(launch().contains("speed_m_s = 0.11"));
+        if takes_over {
+            let supervisor = robot.supervisor();
+            kill(supervisor, Signal::KILL);
+            robot.until("another supervisor beats", || robot.supervisor() != supervisor);
+        }
+        let on_trial = robot.node("/actions/forward");
+        assert_ne!(on_trial, old);
+        kill(on_trial, Signal::KILL);
+        let output = set.wait_with_output().unwrap();
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(!output.status.success() && said.contains("died on its trial"), "{said}");
+        assert_eq!(launch(), before);
+        robot.until("it goes on as before", || {
+            robot.status().nodes.iter().any(|n| n.instance == "/actions/forward" && n.state == "running")
+        });
+    }
+    robot.moves();
+    robot.end();
+}
+
+#[test]
 fn a_stop_lasts_until_it_is_reset_and_resumed_whoever_dies_meanwhile() {
     let mut robot = Robot::new().run(&[]);
     robot.moves();

@@ -81,7 +81,7 @@ fn the_arbiter_follows_each_decision_once_so_that_an_operator_can_overrule_it() 
     let modes = "modes = [{ name = \"wander\" }, { name = \"avoid\" }, { name = \"crawl\" }]";
     let mut bench = Bench::<Arbiter>::builder(modes).set("proposals", "/actions/*/proposal").build().unwrap();
     let mode = |bench: &Bench<Arbiter>| bench.read::<messages::CoordinatorState>("state").unwrap().1.mode;
-    let mut wish = Governance { decisions: 1, rule: 0, mode: path_number("avoid") };
+    let mut wish = Governance { decisions: 1, mode: path_number("avoid"), ..Governance::default() };
     bench.feed("governor", at(1.0), &wish, &[]);
     bench.step(at(1.0)).unwrap();
     assert_eq!(mode(&bench), 1);
@@ -91,11 +91,11 @@ fn the_arbiter_follows_each_decision_once_so_that_an_operator_can_overrule_it() 
     bench.feed("governor", at(1.2), &wish, &[]);
     bench.step(at(1.2)).unwrap();
     assert_eq!(mode(&bench), 2, "the same decision again is none");
-    wish = Governance { decisions: 2, rule: 1, mode: path_number("wander") };
+    wish = Governance { decisions: 2, rule: 1, mode: path_number("wander"), ..Governance::default() };
     bench.feed("governor", at(1.3), &wish, &[]);
     bench.step(at(1.3)).unwrap();
     assert_eq!(mode(&bench), 0);
-    wish = Governance { decisions: 3, rule: 1, mode: path_number("fly") };
+    wish = Governance { decisions: 3, rule: 1, mode: path_number("fly"), ..Governance::default() };
     bench.feed("governor", at(1.4), &wish, &[]);
     bench.step(at(1.4)).unwrap();
     assert_eq!(mode(&bench), 0, "a mode that it does not have changes nothing");

@@ -1,5 +1,6 @@
 //! What the fuzz targets assert. The drivers' tests run the same functions over the corpus on every toolchain.
 
+use drivers::laser::{Event as LaserEvent, News, Session as _};
 use drivers::p2os::config::ConfigPacket;
 use drivers::p2os::protocol::*;
 use drivers::p2os::session::{Port, Session, SessionConfig};
@@ -224,7 +225,7 @@ fn pieces(data: &[u8], mut happens: impl FnMut(&[u8], f64, Option<Port>)) {
 
 /// An LMS session under any bytes, times and port events: what it sends are telegrams, and nothing while the port is closed.
 pub fn lms_session(data: &[u8]) {
-    use lms200::session::{Event, Session, SessionConfig};
+    use lms200::session::{Session, SessionConfig};
     let variant = lms200::model::Variant::of(180, 50);
     let config = SessionConfig {
         variant,
@@ -242,8 +243,8 @@ pub fn lms_session(data: &[u8]) {
             is_open = matches!(port, Port::Open(_));
             session.port(now, port);
         }
-        let mut take = |event: Event| {
-            if let Event::Scan(_, beams) = event {
+        let mut take = |event: LaserEvent<'_>| {
+            if let LaserEvent::Scan(News { beams, .. }) = event {
                 check_beams(beams);
             }
         };
@@ -260,7 +261,7 @@ pub fn lms_session(data: &[u8]) {
 
 /// A SCIP session under any bytes, times and port events.
 pub fn scip_session(data: &[u8]) {
-    use urg::session::{Event, Session, SessionConfig};
+    use urg::session::{Session, SessionConfig};
     let (mut session, mut now, mut is_open) = (Session::new(SessionConfig::default()), Time::from_seconds(1.0), false);
     pieces(data, |bytes, seconds, port| {
         now = now.after_s(seconds);
@@ -269,11 +270,11 @@ pub fn scip_session(data: &[u8]) {
             session.port(now, port);
         }
         session.receive(now, now, bytes, |event| {
-            if let Event::Scan(_, _, beams) = event {
+            if let LaserEvent::Scan(News { beams, .. }) = event {
                 check_beams(beams);
             }
         });
-        session.tick(now);
+        session.tick(now, |_| {});
         while let Some(request) = session.next_request(now) {
             assert!(is_open, "sends to a closed port");
             assert!(request.as_bytes().ends_with(b"\n") && !request.line().is_empty());

@@ -3,6 +3,7 @@
 
 mod support;
 
+use drivers::laser::{Event, News, Session as _};
 use drivers::{lms200, urg};
 use messages::Echo;
 use runtime::Time;
@@ -70,20 +71,20 @@ fn our_session_reads_the_scans_that_mrpt_got_of_the_scanner() {
     while let Some(request) = session.next_request(now) {
         let answer = scanner.hear(request.as_bytes());
         session.receive(now, now, &answer, |_| {});
-        session.tick(now);
+        session.tick(now, |_| {});
     }
     let mut scans = 0;
     for piece in said("mrpt__ust-10lx", "S>C") {
         now = now.after_s(0.02);
         session.receive(now, now, &piece, |event| {
-            let urg::session::Event::Scan(_, _, beams) = event else { return };
+            let Event::Scan(News { beams, .. }) = event else { return };
             scans += 1;
             assert!(beams.iter().filter(|beam| is_room(beam.range_m)).count() > 1050);
         });
-        session.tick(now);
+        session.tick(now, |_| {});
     }
     assert!(scans >= 8 && session.is_running(), "{scans} scans");
-    assert_eq!(session.counts().2, 0, "no damaged message");
+    assert_eq!(session.state().damaged, 0, "no damaged message");
 }
 
 #[test]
@@ -107,14 +108,14 @@ fn our_session_reads_the_scans_that_mrpt_got_of_the_lms() {
     for piece in said("mrpt__lms200", "S>C") {
         now = now.after_s(0.02);
         session.receive(now, now, &piece, |event| {
-            let lms200::session::Event::Scan(_, beams) = event else { return };
+            let Event::Scan(News { beams, .. }) = event else { return };
             scans += 1;
             assert!(beams.iter().filter(|b| b.echo == Echo::Value as u16 && is_room(b.range_m)).count() > 350);
         });
         session.tick(now, |_| {});
     }
     assert!(scans >= 8 && session.is_running(), "{scans} scans");
-    assert_eq!(session.counts().2, 0, "no damaged telegram");
+    assert_eq!(session.state().damaged, 0, "no damaged telegram");
 }
 
 #[test]

@@ -3,6 +3,7 @@
 
 mod support;
 
+use drivers::laser::{News, Session as _};
 use drivers::lms200::model::{MEASURING_MODE, Reach, UNIT, Variant};
 use drivers::lms200::session::{Demand, Event, Port, Session, SessionConfig};
 use messages::{Link, ScanBeam};
@@ -65,7 +66,7 @@ impl Rig {
             // An answer to a change of rate comes at the old one.
             let said = if *line_baud == rate_before { said } else { garbled(&said) };
             session.receive(*now, *now, &said, |event| {
-                if let Event::Scan(_, beams) = event {
+                if let Event::Scan(News { beams, .. }) = event {
                     scans.push(beams.to_vec());
                 }
             });
@@ -136,11 +137,11 @@ fn an_acknowledged_question_is_waited_for_longer_than_one_that_nobody_heard() {
 fn a_laser_that_was_switched_off_and_on_is_set_up_again() {
     let mut rig = Rig::new(Lms::default(), config());
     rig.run(20.0);
-    assert_eq!(rig.session.counts().0, 1);
+    assert_eq!(rig.session.state().connections, 1);
     // Power-on: 9600 baud, one degree, no stream.
     rig.laser = Lms::default();
     rig.run(60.0);
-    assert_eq!((rig.session.link(), rig.session.counts().0), (Link::Up, 2));
+    assert_eq!((rig.session.link(), rig.session.state().connections), (Link::Up, 2));
     assert_eq!(rig.laser.variant, [180, 0, 50, 0]);
 }
 

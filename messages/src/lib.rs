@@ -58,11 +58,15 @@ pub use missions::{
 pub use motion::{Axis, Command, CoordinatorState, FreeSectors, MotionState, Odometry, Proposal, Stop, Twist, Wish};
 pub use node::{InputCursor, NodeStatistics, StepEvents, StepInputs, StepKind, WRITTEN, path_number};
 pub use plain::{Message, NoTail, Plain, tail_offset};
-pub use ranges::{Beam, Echo, Ranges};
+pub use ranges::{Beam, Echo, RangerVerdict, Ranges};
 pub use reflexes::{Detour, ModeState, ProtectiveStop, Room, SetMode, Side, StopCause, WheelVelocities};
 pub use requests::{Done, Sound, Switch, Trigger};
-pub use schema::{Element, Field, JsonError, JsonProblem, Kind, Schema, SchemaError, from_json_value, to_json_value};
-pub use supervision::{Governance, Notice, SupervisorState};
+pub use schema::{
+    Element, Field, JsonError, JsonProblem, Kind, Schema, SchemaError, SchemaText, from_json_value, to_json_value,
+};
+pub use supervision::{
+    Governance, Load, NODE_NAME_BYTES, NodeLoad, NodePeriod, Notice, Periods, Shortage, SupervisorState,
+};
 pub use tracks::{Segment, SegmentShape, Segments, Track, TrackMotion, TrackState, Tracks};
 pub use truth::{Contact, ContactCause, Truth};
 

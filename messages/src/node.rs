@@ -22,6 +22,10 @@ pub struct NodeStatistics {
     pub execution_s: [f64; 4],
     /// Response (release to end of step): median, 99 %, 99.9 % and greatest [s].
     pub response_s: [f64; 4],
+    /// Execution of all steps together [s].
+    pub busy_s: f64,
+    /// The period that it keeps now; 0 for a node without one, and for one that is suspended [s].
+    pub period_s: f64,
 }
 
 /// Where one source of a read port, or one written port, stood when a step began.

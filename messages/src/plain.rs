@@ -2,7 +2,7 @@
 
 use bytemuck::{Pod, Zeroable};
 
-use crate::{Kind, Schema};
+use crate::{Kind, Schema, SchemaText};
 
 // The channel format, recordings and `to_json` say little-endian and 8-byte words; a robot computer of another kind
 // needs conversions that nobody has written.
@@ -48,9 +48,12 @@ pub trait Message: Plain {
     /// Describes the layout. Allocates: call it when a channel opens, not in a step.
     fn schema() -> Schema;
 
-    /// [`Schema::hash`] of the layout. Allocates, as `schema` does.
+    /// The layout as text, and its hash. Allocates once per type and process: call it when a channel opens first.
+    fn schema_text() -> &'static SchemaText;
+
+    /// [`Schema::hash`] of the layout. Allocates as `schema_text` does.
     fn layout_hash() -> u64 {
-        Self::schema().hash()
+        Self::schema_text().hash
     }
 }
 

@@ -58,3 +58,23 @@ pub struct Ranges {
     /// Time between the oldest and the newest beam of this sample [s].
     pub span_s: f32,
 }
+
+/// What became of a cross-check of several rangers; the tail says in words who is left out, and why (UTF-8).
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Message)]
+#[repr(C)]
+#[message(tail = u8)]
+pub struct RangerVerdict {
+    /// The ranger whose ranges are passed on: the number of its path, as [`path_number`](crate::path_number) counts it; 0
+    /// for none.
+    pub used: u32,
+    /// Rangers whose samples are fresh.
+    pub rangers: u32,
+    /// Rangers that are left out.
+    pub left_out: u32,
+    /// Comparisons of the used one with the others that have a vote.
+    pub compared: u32,
+    /// Of them, those that are not equal.
+    pub unequal: u32,
+    /// Rangers that have a place: named ones, and those that were ever seen.
+    pub places: u32,
+}

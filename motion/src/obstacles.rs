@@ -98,14 +98,26 @@ impl Obstacles {
         }
         let wanted = (width_rad * distance_m / ARC_SPACING_M).ceil();
         let count = if wanted > 0.0 { (wanted as usize + 1).clamp(3, ARC_POINTS) } else { 1 };
-        for k in 0..count {
-            let share = if count > 1 { k as f64 / (count - 1) as f64 - 0.5 } else { 0.0 };
-            let (sin, cos) = math::sin_cos(f64::from(beam.bearing_rad) + share * width_rad);
-            let point = Point { x_m: x_m + distance_m * cos, y_m: y_m + distance_m * sin };
-            let near = point.x_m * point.x_m + point.y_m * point.y_m <= self.horizon_m * self.horizon_m;
-            if near && self.taken.len() < self.taken.capacity() {
-                self.taken.push(point);
-            }
+        if count == 1 {
+            // As exact as the bearing itself.
+            let (sin, cos) = math::sin_cos_f32(beam.bearing_rad);
+            self.keep(Point { x_m: x_m + distance_m * f64::from(cos), y_m: y_m + distance_m * f64::from(sin) });
+            return;
+        }
+        // From the arc's right end to its left, each point turned on from the one before.
+        let (mut sin, mut cos) = math::sin_cos(f64::from(beam.bearing_rad) - 0.5 * width_rad);
+        let (step_sin, step_cos) = math::sin_cos(width_rad / (count - 1) as f64);
+        for _ in 0..count {
+            self.keep(Point { x_m: x_m + distance_m * cos, y_m: y_m + distance_m * sin });
+            (sin, cos) = (sin * step_cos + cos * step_sin, cos * step_cos - sin * step_sin);
+        }
+    }
+
+    /// Keeps a point that is near enough, if there is room.
+    fn keep(&mut self, point: Point) {
+        let near = point.x_m * point.x_m + point.y_m * point.y_m <= self.horizon_m * self.horizon_m;
+        if near && self.taken.len() < self.taken.capacity() {
+            self.taken.push(point);
         }
     }
 

@@ -1,5 +1,6 @@
 //! Samples from drivers to quantities of the world.
 
+pub mod cross_check;
 pub mod echo_memory;
 pub mod echoes;
 pub mod odometry;
@@ -17,6 +18,7 @@ pub const NODES: &[NodeType] = &[
     NodeType::of::<odometry::Odometry>(),
     NodeType::of::<echoes::Echoes>(),
     NodeType::of::<ranges::BodyRanges>(),
+    NodeType::of::<cross_check::CrossCheck>(),
     NodeType::of::<recall::Recall>(),
     NodeType::of::<tracks::Tracks>(),
 ];

@@ -9,7 +9,7 @@ use messages::{InputCursor, Schema, StepInputs, StepKind, WRITTEN, bytemuck};
 use runtime::channel::{Geometry, RawSample};
 use runtime::replay::{self, RecordedStep, ReplayError, ReplayNode, Replayed};
 use runtime::robot::{NodeSpec, Robot};
-use runtime::{SUPERVISOR_STATE, path};
+use runtime::{SUPERVISOR_LOAD, SUPERVISOR_STATE, path};
 
 use crate::compare::{Compared, NodeComparison};
 use crate::difference::FirstDifference;
@@ -144,7 +144,9 @@ fn load(file: &Path, robot: &Robot, node: &str) -> Result<Channels, ReplayFailur
 fn reads(spec: &NodeSpec, topic: &str) -> bool {
     // What the supervisor lets a robot do is wired to every node that asks for it, without a word in the robot file.
     let mut wires = spec.reads.values().flat_map(|wire| &wire.from);
-    topic == SUPERVISOR_STATE || wires.any(|from| from == topic || path::covers(from, topic))
+    topic == SUPERVISOR_STATE
+        || topic == SUPERVISOR_LOAD
+        || wires.any(|from| from == topic || path::covers(from, topic))
 }
 
 /// The state of one node's replay.

@@ -193,6 +193,8 @@ impl<N: Node> BenchBuilder<N> {
             missed: Missed::Skip,
             priority: 50,
             process: None,
+            isolate: crate::robot::Isolate::None,
+            user: None,
             restart: Restart::Never,
             care: CareTable::default(),
             importance: 50,
@@ -262,14 +264,5 @@ fn source(port: &str) -> String {
 }
 
 fn geometry<M: Message>() -> Geometry {
-    let schema = M::schema();
-    Geometry {
-        type_name: M::NAME.into(),
-        layout_hash: schema.hash(),
-        schema: schema.to_text(),
-        fixed_bytes: size_of::<M>(),
-        tail_element_bytes: if M::HAS_TAIL { size_of::<M::Tail>() } else { 0 },
-        tail_capacity: if M::HAS_TAIL { 2048 } else { 0 },
-        depth: 64,
-    }
+    Geometry::of::<M>(2048, 64)
 }

@@ -1,5 +1,6 @@
 //! What both hosts do with a node: freeze its inputs, step it, count, publish.
 
+use crate::announced::Told;
 use crate::node::{AnyNode, Fault};
 use crate::ports::{Ports, Writer};
 use crate::record::Record;
@@ -17,6 +18,19 @@ pub(crate) struct Opened {
     pub(crate) record: Option<Record>,
 }
 
+/// The times of a step.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Done {
+    /// When it was due.
+    pub release: Time,
+    /// The `now` that it received.
+    pub began: Time,
+    /// When it was over.
+    pub ended: Time,
+    /// How long it computed [ns].
+    pub execution_ns: u64,
+}
+
 /// A running node.
 pub(crate) struct Running {
     pub(crate) opened: Opened,
@@ -26,6 +40,8 @@ pub(crate) struct Running {
     missed: Missed,
     deadline_ns: Option<u64>,
     published: Time,
+    /// The governor has told it not to step.
+    pub(crate) suspended: bool,
 }
 
 impl Running {
@@ -38,7 +54,24 @@ impl Running {
             missed: spec.missed,
             deadline_ns: spec.deadline_ns.or(spec.period_ns),
             published: start,
+            suspended: false,
         }
+    }
+
+    /// Keeps what the governor announces, from the next release on. Answers whether anything has changed.
+    pub(crate) fn keep_to(&mut self, now: Time, told: Told) -> bool {
+        let Some(grid) = &mut self.grid else { return false };
+        let changes = self.suspended != told.suspended || grid.period_ns() != told.period_ns;
+        if std::mem::replace(&mut self.suspended, told.suspended) && !told.suspended {
+            grid.pass_over(now);
+        }
+        grid.set_period(told.period_ns);
+        changes
+    }
+
+    /// When its grid releases it next.
+    pub(crate) fn next_on_grid(&self) -> Option<Time> {
+        self.grid.filter(|_| !self.suspended).map(|grid| grid.next())
     }
 
     /// Another period from the next release on.
@@ -50,14 +83,25 @@ impl Running {
 
     /// One step at `now` that was due at `release`; `end` tells the time after it.
     pub(crate) fn step(&mut self, now: Time, release: Time, end: impl FnOnce() -> Time) -> Result<(), Fault> {
+        let result = self.begin(now);
+        let ended = end();
+        self.end(Done { release, began: now, ended, execution_ns: ended.nanos_since(now) }, result);
+        result
+    }
+
+    /// The node's part of a step.
+    pub(crate) fn begin(&mut self, now: Time) -> Result<(), Fault> {
         self.opened.ports.freeze(now);
         if let Some(record) = &mut self.opened.record {
             record.begin(&self.opened.ports);
         }
-        let result = self.opened.node.step(now);
-        let ended = end();
-        let lateness_ns = now.nanos_since(release);
-        let execution_ns = ended.nanos_since(now);
+        self.opened.node.step(now)
+    }
+
+    /// Counts a step that has been done.
+    pub(crate) fn end(&mut self, done: Done, result: Result<(), Fault>) {
+        let Done { release, began: now, ended, execution_ns } = done;
+        let lateness_ns = ended.nanos_since(release).saturating_sub(execution_ns);
         self.counted.record(StepTimes {
             lateness_ns,
             execution_ns,
@@ -74,7 +118,6 @@ impl Running {
             record.end(&self.opened.ports, StepKind::Step, self.counted.steps(), now, result.is_err());
         }
         self.last_fault = result.err();
-        result
     }
 
     /// The node's `start`, before its first step.
@@ -113,7 +156,8 @@ impl Running {
     /// The counters so far.
     pub(crate) fn summary(&self) -> NodeStatistics {
         let dropped = self.opened.ports.inputs().iter().map(|input| input.dropped()).sum();
-        self.counted.summary(dropped)
+        let period_s = self.grid.filter(|_| !self.suspended).map_or(0.0, |grid| grid.period_ns() as f64 * 1e-9);
+        NodeStatistics { period_s, ..self.counted.summary(dropped) }
     }
 
     /// Publishes the counters when the last time is `period_s` ago.

@@ -1,5 +1,6 @@
 //! The runtime: paths, channels, calls, nodes, the robot file, and the two hosts that run the same nodes.
 
+mod announced;
 mod bench;
 pub mod calls;
 pub mod channel;
@@ -24,13 +25,17 @@ mod stop;
 mod sys;
 mod time;
 
+pub use announced::{GOVERNOR, PERIODS};
 pub use bench::{Bench, BenchBuilder};
 pub use calls::{CallPort, Caller, OrderPort, Request};
 pub use device::Device;
 pub use guard::Will;
 pub use node::{AnyNode, Fault, Node, NodeType, OpenError};
 pub use path::Layer;
-pub use ports::{Declaration, PortKind, Ports, Reader, STATE_DEPTH, SUPERVISOR_STATE, Sample, Set, Writer};
+pub use ports::{
+    Declaration, LOAD_DEPTH, LOAD_NODES, PortKind, Ports, Reader, STATE_DEPTH, SUPERVISOR_LOAD, SUPERVISOR_STATE,
+    Sample, Set, TWINS, Writer,
+};
 pub use robot::Body;
 pub use simulated::{ExecutionModel, SimulatedHost, Stepped};
 pub use statistics::{Statistics, StepTimes};

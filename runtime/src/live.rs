@@ -3,6 +3,7 @@
 //! Between steps a node's thread sleeps in one wait on its triggers and its private word; it uses no CPU while nothing
 //! comes. Opening of new rings, publishing of statistics and logging happen between steps, after the outputs are out.
 
+use crate::announced::Announced;
 use crate::calls::StepWatch;
 use crate::channel::{Claim, PrivateWord, Tree, Waiter};
 use crate::clock;
@@ -11,7 +12,7 @@ use crate::node::OpenError;
 use crate::ports::{Devices, Input, Ports};
 use crate::pump::{Arrival, GuardLine, Notifier, Pump, PumpBuilder};
 use crate::realtime::{self, Grants};
-use crate::robot::{NodeSpec, Robot, open_declared};
+use crate::robot::{Isolate, NodeSpec, Robot, Scheduler, open_declared};
 use crate::stop::{KeepPlace, LatchPlace};
 use crate::sys;
 use crate::time::Time;
@@ -142,6 +143,7 @@ pub fn run(
             None => return Err(LiveError::Unknown { robot: robot.name.clone(), instance: path.clone() }),
         }
     }
+    let lowest = specs.iter().map(|spec| spec.priority).min().unwrap_or(1);
     let words: Vec<PrivateWord> = specs.iter().map(|_| PrivateWord::new()).collect();
     let _ = STOP_WORDS.set(words.clone());
     sys::catch_stop_signals(wake_all);
@@ -196,6 +198,11 @@ pub fn run(
             sys::forget_startup_code();
         }
         ready(&grants.lock().unwrap_or_else(|e| e.into_inner()));
+        if robot.realtime.scheduler == Scheduler::Fifo {
+            // From here on this thread sleeps until the end. A killed process is dead when the last of its threads is: one
+            // that waits for a processor behind everybody else would hide the death from the supervisor.
+            let _ = realtime::ask_for_fifo(lowest);
+        }
     }
     for (instance, thread) in threads {
         if thread.join().is_err() {
@@ -246,6 +253,9 @@ fn spawn_pump(
     if options.fence {
         pump.take_over();
     }
+    if robot.nodes.iter().any(|node| node.isolate == Isolate::Strict) {
+        pump.callers(callers_of(robot, &spec.path(), &options.root));
+    }
     let guard = options.tree.and_then(|_| pump.guarded(&options.root));
     if let Some(supervisor) = options.supervisor
         && let Some(process) = rustix::process::Pid::from_raw(supervisor as i32)
@@ -262,6 +272,14 @@ fn spawn_pump(
     let step_watch = pump.step_watch();
     let pump = pump.spawn(&options.root).map_err(|e| OpenError::Device { reason: e.to_string() })?;
     Ok((pump, step_watch, told, guard))
+}
+
+/// Users of the nodes that call the node at `path`: their folders belong to them.
+fn callers_of(robot: &Robot, path: &str, root: &std::path::Path) -> Vec<u32> {
+    let calls = |spec: &&NodeSpec| spec.calls.values().any(|(target, _)| target == path);
+    let folder = |spec: &NodeSpec| root.join(spec.path().trim_start_matches('/'));
+    let user = |spec: &NodeSpec| rustix::fs::stat(folder(spec)).ok().map(|folder| folder.st_uid);
+    robot.nodes.iter().filter(calls).filter_map(user).collect()
 }
 
 /// Tells the supervisor that this process is ready, where one is listening (`SINEW_READY_FD`).
@@ -314,6 +332,8 @@ struct NodeThread {
     line: Option<Line>,
     faults: bool,
     guard: Option<Arc<GuardLine>>,
+    /// What the governor says of its period.
+    announced: Option<Announced>,
     /// The newest word of the latch that a step has seen, and that the node has said to have obeyed.
     latch_seen: u32,
     obeyed: u32,
@@ -339,6 +359,10 @@ impl NodeThread {
     ) -> Result<NodeThread, LiveError> {
         let instance = spec.instance.clone();
         let fail = |source: OpenError| LiveError::Open { instance: instance.clone(), source };
+        if granted.is_none() {
+            // What reading and opening took, and a step does not need.
+            sys::trim_heap();
+        }
         let tree = Tree::shared(&options.root).map_err(|e| LiveError::Tree(e.to_string()))?;
         let claim = if options.fence { Claim::Fence } else { Claim::Continue };
         opened.ports.bind(&tree, claim).map_err(fail)?;
@@ -397,6 +421,7 @@ impl NodeThread {
             line,
             faults: options.tree.is_some_and(|tree| tree.faults),
             guard,
+            announced: Announced::of(robot, spec),
             latch_seen: 0,
             obeyed: 0,
         })
@@ -407,6 +432,9 @@ impl NodeThread {
         while !sys::stop_requested() {
             waiter.snapshot();
             let now = clock::now();
+            if let Some(announced) = &mut self.announced {
+                self.running.keep_to(now, announced.look(now));
+            }
             match self.release(now) {
                 Some(release) => {
                     // The result is counted by `step`; what changed is logged between steps.
@@ -418,7 +446,8 @@ impl NodeThread {
                     let _ = self.running.step(now, release, clock::now);
                     let ended = clock::now();
                     self.step_watch.end(ended);
-                    self.tell_obeyed(ended);
+                    self.count();
+                    self.tell_obeyed();
                     self.beat(ended, Phase::Waiting);
                     if self.between_steps() {
                         waiter = self.waiter();
@@ -426,10 +455,14 @@ impl NodeThread {
                 }
                 None => {
                     self.beat(now, Phase::Waiting);
-                    let grid = self.running.grid.map(|grid| grid.next());
+                    let grid = self.running.next_on_grid();
                     let beat = self.line.map(|_| now.after_s(BEAT_S));
                     let until = [grid, beat].into_iter().flatten().min();
                     waiter.wait(until.map(Time::nanos));
+                    // Of the suspended there is no step to do it after.
+                    if self.running.suspended && self.between_steps() {
+                        waiter = self.waiter();
+                    }
                 }
             }
         }
@@ -443,6 +476,12 @@ impl NodeThread {
     fn beat(&self, now: Time, phase: Phase) {
         if let Some(line) = &self.line {
             line.beat(now.nanos(), phase);
+        }
+    }
+
+    fn count(&self) {
+        if let Some(line) = &self.line {
+            line.count(self.running.counted.work());
         }
     }
 
@@ -463,12 +502,13 @@ impl NodeThread {
     }
 
     /// Passes on that the step has obeyed the stop latch, and when.
-    fn tell_obeyed(&mut self, now: Time) {
-        let word = self.running.opened.ports.latch.obeyed.get().0;
+    fn tell_obeyed(&mut self) {
+        let latch = &self.running.opened.ports.latch;
+        let (word, at) = (latch.obeyed.get().0, latch.obeyed_at.get());
         if word != self.obeyed {
             self.obeyed = word;
             if let Some(line) = &self.line {
-                line.obeyed(word, now.nanos());
+                line.obeyed(word, at.nanos());
             }
             if let Some(guard) = &self.guard {
                 guard.obeyed(word);
@@ -490,7 +530,8 @@ impl NodeThread {
         let device = self.device_trigger && kinds & bit(Arrival::Device) != 0;
         let sampled = self.triggers.iter().fold(None, |newest: Option<Time>, input| newest.max(input.take_arrival()));
         let latched = self.latched(now);
-        match self.running.grid {
+        let sampled = sampled.filter(|_| !self.running.suspended);
+        match self.running.grid.filter(|_| !self.running.suspended) {
             Some(grid) if grid.due(now) => Some(grid.next()),
             _ if device || called => Some(Time::from_nanos(self.arrivals.at_ns.load(Ordering::Relaxed)).min(now)),
             _ => latched.or(sampled.map(|stamp| stamp.min(now))),
@@ -525,6 +566,11 @@ impl NodeThread {
                 None => eprintln!("{}: fault is over", self.instance),
             }
         }
+        for input in self.running.opened.ports.inputs() {
+            if let Some((at, path)) = input.take_switched() {
+                eprintln!("{}: {} is read from {path} since {:.6} s", self.instance, input.port, at.seconds());
+            }
+        }
         if let Some(output) = self.running.opened.ports.outputs().iter().find(|output| output.lost.get()) {
             // A successor writes here now, or the file is damaged: this process has nothing left to do.
             eprintln!("{}: {} is no longer this process's to write; stopping", self.instance, output.path);
@@ -534,6 +580,9 @@ impl NodeThread {
             return false;
         }
         self.rebind = now;
+        if let Some(announced) = &mut self.announced {
+            announced.bind(&self.tree);
+        }
         for input in self.running.opened.ports.inputs() {
             if let Err(e) = input.bind(&self.tree) {
                 eprintln!("{}: {e}", self.instance);

@@ -29,6 +29,21 @@ impl Grid {
         self.period_ns = period_ns.max(1);
     }
 
+    /// The present distance of releases [ns].
+    pub fn period_ns(&self) -> u64 {
+        self.period_ns
+    }
+
+    /// Passes over the releases before `now`, unserved: for a node that was suspended. Returns how many.
+    pub fn pass_over(&mut self, now: Time) -> u64 {
+        if self.next >= now {
+            return 0;
+        }
+        let passed = now.nanos_since(self.next).div_ceil(self.period_ns);
+        self.next = self.next.after_ns(passed * self.period_ns);
+        passed
+    }
+
     /// Whether a release is due at `now`.
     pub fn due(&self, now: Time) -> bool {
         self.next <= now
@@ -82,6 +97,17 @@ mod tests {
         assert_eq!(grid.next(), at(110));
         let mut grid = Grid::new(at(0), 1_000_000);
         assert_eq!(grid.advance(at(1000), Missed::CatchUp), 990);
+    }
+
+    #[test]
+    fn another_period_counts_from_the_next_release_and_the_suspended_wake_on_the_grid() {
+        let mut grid = Grid::new(at(100), 10_000_000);
+        grid.set_period(25_000_000);
+        assert_eq!(grid.next(), at(100));
+        grid.advance(at(101), Missed::Skip);
+        assert_eq!(grid.next(), at(125));
+        assert_eq!(grid.pass_over(at(180)), 3);
+        assert_eq!((grid.next(), grid.pass_over(at(200))), (at(200), 0));
     }
 
     proptest! {

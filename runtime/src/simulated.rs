@@ -5,6 +5,8 @@
 //! What a step published is seen by steps released later; it releases its readers when it ends.
 
 mod injection;
+mod load;
+mod processors;
 
 use crate::calls::{LocalCalls, LocalRequest, Ticket, TicketState};
 use crate::channel::{Claim, Geometry, Tree};
@@ -74,6 +76,10 @@ pub struct SimulatedHost {
     keepsakes: Vec<Keepsake>,
     /// Nodes that died in mid-step, and when.
     deaths: VecDeque<(usize, Time)>,
+    /// What a governor is told and tells, where there is one.
+    governed: Option<load::Governed>,
+    /// The processors that the nodes share; without them each has one of its own.
+    processors: Option<processors::Processors>,
 }
 
 /// One node's place; the node itself may be dead.
@@ -140,6 +146,8 @@ impl SimulatedHost {
             latch: Rc::default(),
             keepsakes: robot.nodes.iter().map(|_| Keepsake::default()).collect(),
             deaths: VecDeque::new(),
+            governed: None,
+            processors: None,
         };
         host.links.set_now(start);
         for (index, spec) in robot.nodes.iter().enumerate() {
@@ -180,6 +188,7 @@ impl SimulatedHost {
         let state = Geometry::of::<SupervisorState>(0, STATE_DEPTH);
         let refused = |e: crate::channel::ChannelError| OpenError::resource(e.to_string());
         host.tree.prepare(SUPERVISOR_STATE, &state).map_err(refused)?;
+        host.governed = load::Governed::of(robot, &host.tree, start).map_err(refused)?;
         for index in 0..host.slots.len() {
             host.settle(index)?;
         }
@@ -323,7 +332,18 @@ impl SimulatedHost {
 
     /// Serves the next event at or before `until`; `None` when there is none, and the time is `until` then.
     pub fn step_until(&mut self, until: Time) -> Option<Stepped> {
-        let best = self.releases.iter().copied().zip(0..).min();
+        let mut best = self.next_event();
+        while let Some(due) = self.governed.as_ref().map(|governed| governed.due)
+            && due <= until
+            && best.is_none_or(|(at, _)| due <= at)
+        {
+            self.now = self.now.max(due);
+            self.tell_load();
+            best = self.next_event();
+        }
+        if self.processors.is_some() {
+            return self.step_shared(until, best);
+        }
         match best {
             Some((at, index)) if at <= until && at < NEVER => Some(self.serve(index, at.max(self.now))),
             _ => {
@@ -333,6 +353,14 @@ impl SimulatedHost {
                 None
             }
         }
+    }
+
+    /// What happens next: when, and which node steps.
+    fn next_event(&self) -> Option<(Time, usize)> {
+        if let Some(processors) = &self.processors {
+            return processors.next(self.now, &self.releases, &self.slots);
+        }
+        self.releases.iter().copied().zip(0..).min()
     }
 
     /// Serves all events up to `until`.
@@ -346,17 +374,27 @@ impl SimulatedHost {
         let spent_s = self.spent_s(index);
         let slot = &mut self.slots[index];
         let Some(running) = &mut slot.running else { return Stepped { node: index, at, fault: false } };
-        let grid = running.grid.map(|grid| grid.next()).filter(|next| *next <= at);
+        let grid = running.next_on_grid().filter(|next| *next <= at);
         let release = [slot.pending, grid].into_iter().flatten().min().unwrap_or(at);
         slot.pending = None;
         let ended = at.after_s(spent_s);
         (slot.busy_since, slot.busy_until) = (at, ended);
         let fault = running.step(at, release, || ended).is_err();
+        self.stepped(index, at, ended, fault)
+    }
+
+    /// What follows a step that ended at `ended`.
+    fn stepped(&mut self, index: usize, at: Time, ended: Time, fault: bool) -> Stepped {
+        let slot = &mut self.slots[index];
+        let Some(running) = &mut slot.running else { return Stepped { node: index, at, fault } };
         let has_device = !running.opened.ports.incoming.is_empty();
         if slot.is_timed {
             running.publish_statistics(ended, STATISTICS_S);
         }
         self.plan(index);
+        if self.governed.as_ref().is_some_and(|governed| governed.node == index) {
+            self.hear_periods(ended);
+        }
         if self.slots[index].doomed {
             self.deaths.push_back((index, at));
             self.kill(index);
@@ -416,6 +454,9 @@ impl SimulatedHost {
         slot.triggers.clear();
         slot.pending = None;
         slot.doomed = false;
+        if let Some(processors) = &mut self.processors {
+            processors.forget(index);
+        }
         self.calls.node_ended(&slot.spec.path());
         self.plan(index);
     }
@@ -477,8 +518,8 @@ impl Slot {
     /// When the node steps next, if nothing else happens.
     fn next_release(&self) -> Option<Time> {
         let running = self.running.as_ref()?;
-        let grid = running.grid.map(|grid| grid.next());
-        let release = match (grid, self.pending) {
+        let grid = running.next_on_grid();
+        let release = match (grid, self.pending.filter(|_| !running.suspended)) {
             (Some(grid), Some(pending)) => grid.min(pending),
             (Some(one), None) | (None, Some(one)) => one,
             (None, None) => return None,

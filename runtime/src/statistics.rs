@@ -14,6 +14,7 @@ pub struct Statistics {
     response: Histogram<u32>,
     /// Counters; the percentiles in here are filled by [`Statistics::summary`].
     counts: NodeStatistics,
+    busy_ns: u64,
 }
 
 /// One step, timed.
@@ -37,6 +38,7 @@ impl Default for Statistics {
             execution: histogram(),
             response: histogram(),
             counts: NodeStatistics::default(),
+            busy_ns: 0,
         }
     }
 }
@@ -47,6 +49,7 @@ impl Statistics {
         self.lateness.saturating_record(step.lateness_ns.max(1));
         self.execution.saturating_record(step.execution_ns.max(1));
         self.response.saturating_record((step.lateness_ns + step.execution_ns).max(1));
+        self.busy_ns += step.execution_ns;
         self.counts.steps += 1;
         self.counts.missed_deadlines += u64::from(step.missed_deadline);
         self.counts.faults += u64::from(step.fault);
@@ -67,15 +70,24 @@ impl Statistics {
         self.counts.missed_deadlines
     }
 
+    /// What there is to tell in the heartbeat.
+    pub fn work(&self) -> guard::Work {
+        let NodeStatistics { steps, missed_deadlines, .. } = self.counts;
+        guard::Work { steps, busy_ns: self.busy_ns, missed_deadlines }
+    }
+
     /// Everything so far; `dropped` is the inputs' count of lost samples.
     pub fn summary(&self, dropped: u64) -> NodeStatistics {
-        let four =
-            |histogram: &Histogram<u32>| [0.5, 0.99, 0.999, 1.0].map(|q| histogram.value_at_quantile(q) as f64 * 1e-9);
+        let four = |histogram: &Histogram<u32>| {
+            let [p50, p99, p999] = [0.5, 0.99, 0.999].map(|q| histogram.value_at_quantile(q));
+            [p50, p99, p999, histogram.max()].map(|ns| ns as f64 * 1e-9)
+        };
         NodeStatistics {
             dropped,
             lateness_s: four(&self.lateness),
             execution_s: four(&self.execution),
             response_s: four(&self.response),
+            busy_s: self.busy_ns as f64 * 1e-9,
             ..self.counts
         }
     }

@@ -12,6 +12,7 @@ use std::sync::atomic::{AtomicU32, Ordering};
 
 use crate::journal::{EntryKind, Note};
 use crate::pump::Waker;
+use crate::{Time, clock};
 
 /// Where a node's latch is.
 #[derive(Debug, Clone, Default)]
@@ -35,6 +36,8 @@ pub(crate) struct LatchCell {
     frozen: Cell<Word>,
     /// The newest word that the node has obeyed.
     pub obeyed: Cell<Word>,
+    /// When it said so on a live robot: at that moment, not at the end of its step.
+    pub obeyed_at: Cell<Time>,
 }
 
 impl LatchCell {
@@ -87,6 +90,10 @@ impl StopLatch {
     /// A driver says that it has written what stops its device.
     pub fn obeyed(&self) {
         self.0.obeyed.set(self.0.frozen.get());
+        if matches!(&*self.0.place.borrow(), LatchPlace::Shared(_)) {
+            // For whoever measures; the step itself sees no clock.
+            self.0.obeyed_at.set(clock::now());
+        }
     }
 }
 

@@ -1,7 +1,8 @@
 //! Instants and spans on the robot's clock.
 
 /// An instant on the robot's clock, in nanoseconds: CLOCK_MONOTONIC on a live robot, virtual in the simulated host.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default, serde::Serialize, serde::Deserialize)]
+#[serde(transparent)]
 pub struct Time(u64);
 
 impl Time {

@@ -1,70 +1,23 @@
 //! The simulated LMS as the driver's own session sees it.
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking, also in its helpers")]
 
+mod support;
+
+use drivers::laser::Session as _;
 use drivers::lms200::model::{Reach, Variant};
-use drivers::lms200::session::{Event, Port, Session, SessionConfig};
-use messages::{Echo, Link, ScanBeam};
+use drivers::lms200::session::{Session, SessionConfig};
+use messages::{Echo, Link};
 use runtime::Time;
-use simulator::geometry::{Circle, Point, Pose, Segment};
-use simulator::world::{Post, Wall, World};
-use simulator::{BodySetup, LaserSetup, Realism, STEP_S, Setup, Simulation};
+use simulator::Realism;
+use simulator::world::World;
+use support::lasers::{Rig, room, true_m};
 
-/// A room of 6 × 4 m with a post, a laser in its middle, and a session that reads it.
-struct Rig {
-    simulation: Simulation,
-    session: Session,
-    scans: Vec<(Time, Vec<ScanBeam>)>,
-    /// When each scan came.
-    came: Vec<Time>,
+fn rig(realism: Realism, config: SessionConfig) -> Rig<Session> {
+    Rig::new("lms200", room(), realism, Session::new(config))
 }
 
-fn room() -> World {
-    let corners = [(-2.0, -2.0), (4.0, -2.0), (4.0, 2.0), (-2.0, 2.0)].map(|(x, y)| Point::new(x, y));
-    let walls: Vec<Wall> =
-        (0..4).map(|k| Wall { segment: Segment::new(corners[k], corners[(k + 1) % 4]), rough: true }).collect();
-    World::of(&walls, &[Post { circle: Circle::new(Point::new(1.5, 0.8), 0.1), rough: true }])
-}
-
-impl Rig {
-    fn new(realism: Realism, config: SessionConfig) -> Rig {
-        Rig::within(room(), realism, config)
-    }
-
-    fn within(world: World, realism: Realism, config: SessionConfig) -> Rig {
-        let laser = LaserSetup { model: "lms200".into(), x_m: 0.1, heading_rad: 0.2, ..LaserSetup::default() };
-        let body = BodySetup { start: Some(Pose::default()), lasers: vec![laser], ..BodySetup::default() };
-        let setup = Setup { bodies: vec![body], seed: 5, realism };
-        let mut simulation = Simulation::new(world, &setup).unwrap();
-        simulation.begin(Time::from_seconds(100.0));
-        let mut session = Session::new(config);
-        session.port(simulation.now(), Port::Open(1));
-        Rig { simulation, session, scans: Vec::new(), came: Vec::new() }
-    }
-
-    fn run(&mut self, seconds: f64) {
-        for _ in 0..(seconds / STEP_S).round() as usize {
-            self.simulation.step();
-            let now = self.simulation.now();
-            self.exchange(now);
-            self.session.tick(now, |_| {});
-            while let Some(request) = self.session.next_request(now) {
-                self.simulation.laser_receive(0, now, request.as_bytes());
-                self.exchange(now);
-            }
-        }
-    }
-
-    fn exchange(&mut self, now: Time) {
-        let Rig { simulation, session, scans, came } = self;
-        simulation.laser_send(0, |bytes| {
-            session.receive(now, now, bytes, |event| {
-                if let Event::Scan(first, beams) = event {
-                    scans.push((first, beams.to_vec()));
-                    came.push(now);
-                }
-            });
-        });
-    }
+fn half_degrees() -> SessionConfig {
+    SessionConfig { variant: Variant::of(180, 50), ..SessionConfig::default() }
 }
 
 #[test]
@@ -73,42 +26,40 @@ fn every_variant_and_unit_is_read_beam_by_beam_as_the_map_lies() {
     for (k, (angle, resolution, scans_per_s)) in variants.into_iter().enumerate() {
         let reach = [Reach::Keep, Reach::Eight, Reach::Sixteen, Reach::ThirtyTwo, Reach::Eighty][k];
         let variant = Variant::of(angle, resolution);
-        let mut rig = Rig::new(Realism::none(), SessionConfig { variant, reach, ..SessionConfig::default() });
+        let mut rig = rig(Realism::none(), SessionConfig { variant, reach, ..SessionConfig::default() });
         rig.run(3.0);
         assert_eq!(rig.session.link(), Link::Up, "{variant:?}");
         assert!(rig.scans.len() as f64 > 2.0 * scans_per_s, "{variant:?}: {} scans", rig.scans.len());
-        let (world, scan) = (room(), &rig.scans.last().unwrap().1);
-        assert_eq!(scan.len(), variant.unwrap().count());
+        let world = room();
+        assert_eq!(rig.newest().len(), variant.unwrap().count());
         let worst_m = if reach == Reach::Eighty { 0.0051 } else { 0.0006 };
-        for (beam, read) in scan.iter().enumerate() {
+        for (beam, read) in rig.newest().iter().enumerate() {
             let degrees = -0.5 * f64::from(angle) + beam as f64 * f64::from(resolution) * 0.01;
-            let true_m = world.map.cast(Point::new(0.1, 0.0), Point::unit(0.2 + degrees.to_radians()), 50.0).unwrap();
+            let true_m = true_m(&world, degrees.to_radians());
             assert_eq!(read.echo, Echo::Value as u16, "{variant:?} beam {beam} {true_m}");
             assert!((f64::from(read.range_m) - true_m).abs() < worst_m, "{variant:?} {beam}: {read:?} {true_m}");
         }
-        assert_eq!(rig.session.counts().2, 0, "no damaged telegram");
+        assert_eq!(rig.session.state().damaged, 0, "no damaged telegram");
     }
 }
 
 #[test]
 fn stamps_are_as_even_as_the_mirror_whatever_the_line_does() {
-    let config = SessionConfig { variant: Variant::of(180, 50), ..SessionConfig::default() };
-    let mut rig = Rig::new(Realism::none(), config);
+    let mut rig = rig(Realism::none(), half_degrees());
     rig.run(20.0);
     // Scans arrive on the simulation's grid of 10 ms; a scan begins every 26.7 ms.
     let settled = &rig.scans[200..];
-    let late = settled.iter().zip(&rig.came[200..]).map(|(scan, came)| came.since(scan.0)).fold(0.0, f64::max);
+    let late = settled.iter().map(|scan| scan.came.since(scan.first)).fold(0.0, f64::max);
     assert!(late < 0.045, "{late} s");
     for pair in settled.windows(2) {
-        let gap = pair[1].0.since(pair[0].0);
+        let gap = pair[1].first.since(pair[0].first);
         assert!((gap - 2.0 / 75.0).abs() < 0.001, "{gap} s between two scans");
     }
 }
 
 #[test]
 fn a_slow_rate_costs_scans_as_on_a_real_line() {
-    let mut rig =
-        Rig::new(Realism::none(), SessionConfig { variant: Variant::of(180, 50), ..SessionConfig::default() });
+    let mut rig = rig(Realism::none(), half_degrees());
     // 20 40: 38,400 baud, as any client may ask; 732 bytes take 191 ms.
     rig.simulation.laser_receive(0, Time::from_seconds(100.0), &[2, 0, 2, 0, 0x20, 0x40, 0x50, 0x08]);
     assert_eq!(rig.simulation.laser_baud(0), Some(38_400));
@@ -120,27 +71,23 @@ fn a_slow_rate_costs_scans_as_on_a_real_line() {
 fn lost_and_corrupt_bytes_cost_scans_but_never_give_wrong_ones() {
     let mut realism = Realism::none();
     (realism.line.lose_byte, realism.line.corrupt_byte) = (2e-5, 2e-5);
-    let config = SessionConfig { variant: Variant::of(180, 50), ..SessionConfig::default() };
-    let mut rig = Rig::new(realism, config.clone());
-    rig.run(20.0);
-    let mut right = Rig::new(Realism::none(), config);
+    let mut broken = rig(realism, half_degrees());
+    broken.run(20.0);
+    let mut right = rig(Realism::none(), half_degrees());
     right.run(2.0);
-    let right = &right.scans.last().unwrap().1;
-    assert!(rig.scans.len() > 200, "{}", rig.scans.len());
-    assert!(rig.session.counts().2 > 5, "{:?}", rig.session.counts());
-    assert!(rig.scans.iter().all(|scan| scan.1 == *right), "a sum of 16 bits misses one damage in 65,536");
+    assert!(broken.scans.len() > 200, "{}", broken.scans.len());
+    assert!(broken.session.state().damaged > 5, "{:?}", broken.session.state());
+    assert!(
+        broken.scans.iter().all(|scan| scan.beams == right.newest()),
+        "a sum of 16 bits misses one damage in 65,536"
+    );
 }
 
 #[test]
 fn noise_is_as_large_as_the_data_sheet_says() {
-    let config = SessionConfig { variant: Variant::of(180, 50), ..SessionConfig::default() };
-    let mut rig = Rig::new(Realism::default(), config);
+    let mut rig = rig(Realism::default(), half_degrees());
     rig.run(10.0);
-    let readings: Vec<f64> =
-        rig.scans.iter().map(|scan| scan.1[10]).filter(|b| b.echo == 1).map(|b| f64::from(b.range_m)).collect();
-    let mean = readings.iter().sum::<f64>() / readings.len() as f64;
-    let sigma = (readings.iter().map(|r| (r - mean) * (r - mean)).sum::<f64>() / readings.len() as f64).sqrt();
-    assert!((0.003..0.008).contains(&sigma), "{sigma} m");
+    assert!((0.003..0.008).contains(&rig.sigma_m(10)), "{} m", rig.sigma_m(10));
 }
 
 /// Somebody comes straight towards the laser at 1.5 m/s.
@@ -159,11 +106,10 @@ fn somebody_who_comes_nearer_is_nearer_in_the_second_turn_of_an_interlaced_scan(
         let mut realism = Realism::none();
         realism.laser.mirror = mirror;
         let world = World::load("walker.toml", &mut |_| Ok(WALKER.as_bytes().to_vec())).unwrap();
-        let config = SessionConfig { variant: Variant::of(180, 50), ..SessionConfig::default() };
-        let mut rig = Rig::within(world, realism, config);
+        let mut rig = Rig::new("lms200", world, realism, Session::new(half_degrees()));
         rig.run(3.0);
         // The walls ahead are 8.9 m away: what is nearer is the walker.
-        let beams = &rig.scans.last().unwrap().1;
+        let beams = rig.newest();
         let walker: Vec<usize> = (1..360)
             .filter(|&k| beams[k - 1..=k + 1].iter().all(|beam| beam.range_m < 5.0) && (170..190).contains(&k))
             .collect();

@@ -71,6 +71,11 @@ impl RecentRestarts {
         self.at.len() < self.intensity.restarts as usize
     }
 
+    /// Those that count, oldest first.
+    pub fn times(&self) -> impl Iterator<Item = Time> {
+        self.at.iter().copied()
+    }
+
     /// Counts a restart at `now`.
     pub fn count(&mut self, now: Time) {
         self.at.push_back(now);

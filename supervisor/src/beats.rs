@@ -62,6 +62,18 @@ impl BeatWatch {
         BeatWatch { watched, looked: None }
     }
 
+    /// Lines that are watched.
+    pub fn lines(&self) -> usize {
+        self.watched.len()
+    }
+
+    /// Watches the next line, of a node that was not there before.
+    pub fn add(&mut self, table: &Table, node: usize, now: Time) {
+        if let Some(line) = table.line(self.watched.len()) {
+            self.watched.push(Watched { node, line, beats: line.beats(), since: now, before: None, told: 0 });
+        }
+    }
+
     /// Counts the node as having beaten just now.
     pub fn heal(&mut self, node: usize, now: Time) {
         for watched in self.watched.iter_mut().filter(|watched| watched.node == node) {

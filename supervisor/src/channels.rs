@@ -1,12 +1,12 @@
-//! The supervisor's own channels: `/supervisor/robot/state`, `incidents` and `changes`.
+//! The supervisor's own channels: `/supervisor/robot/state`, `incidents`, `changes` and `load`.
 //!
 //! A supervisor that cannot have one of them (a full memory, a node that squats on the path) supervises all the same.
 
 use std::path::Path;
 
-use messages::{Notice, SupervisorState, bytemuck};
+use messages::{Load, NodeLoad, Notice, SupervisorState, bytemuck};
 use runtime::channel::{Claim, Geometry, RawWriter, Tree};
-use runtime::{STATE_DEPTH, SUPERVISOR_STATE, Time};
+use runtime::{LOAD_DEPTH, LOAD_NODES, STATE_DEPTH, SUPERVISOR_LOAD, SUPERVISOR_STATE, Time};
 
 use crate::policy::Policy;
 use crate::severity::Severity;
@@ -23,9 +23,14 @@ const NOTICES: usize = 64;
 const NO_NODE: u32 = u32::MAX;
 
 /// The supervisor's channels and their geometry, to be made before the nodes look for them.
-pub fn supervisor_channels() -> [(&'static str, Geometry); 3] {
+pub fn supervisor_channels() -> [(&'static str, Geometry); 4] {
     let notices = || Geometry::of::<Notice>(NOTICE_BYTES, NOTICES);
-    [(SUPERVISOR_STATE, Geometry::of::<SupervisorState>(0, STATE_DEPTH)), (INCIDENTS, notices()), (CHANGES, notices())]
+    [
+        (SUPERVISOR_STATE, Geometry::of::<SupervisorState>(0, STATE_DEPTH)),
+        (INCIDENTS, notices()),
+        (CHANGES, notices()),
+        (SUPERVISOR_LOAD, Geometry::of::<Load>(LOAD_NODES, LOAD_DEPTH)),
+    ]
 }
 
 /// The writers.
@@ -33,6 +38,7 @@ pub(crate) struct Channels {
     state: Option<RawWriter>,
     incidents: Option<RawWriter>,
     changes: Option<RawWriter>,
+    load: Option<RawWriter>,
     said: Option<SupervisorState>,
     numbers: [u64; 2],
 }
@@ -40,7 +46,7 @@ pub(crate) struct Channels {
 impl Channels {
     /// None: for runs without a robot.
     pub fn none() -> Channels {
-        Channels { state: None, incidents: None, changes: None, said: None, numbers: [0; 2] }
+        Channels { state: None, incidents: None, changes: None, load: None, said: None, numbers: [0; 2] }
     }
 
     /// Those below `root`, and what is wrong with the ones that cannot be had.
@@ -50,10 +56,10 @@ impl Channels {
             Ok(tree) => tree,
             Err(e) => return (Channels::none(), vec![e.to_string()]),
         };
-        let [state, incidents, changes] = supervisor_channels().map(|(path, geometry)| {
+        let [state, incidents, changes, load] = supervisor_channels().map(|(path, geometry)| {
             tree.writer(path, &geometry, Claim::Continue).map_err(|e| flaws.push(e.to_string())).ok()
         });
-        (Channels { state, incidents, changes, said: None, numbers: [0; 2] }, flaws)
+        (Channels { state, incidents, changes, load, said: None, numbers: [0; 2] }, flaws)
     }
 
     /// Says what the robot may do, when that has changed.
@@ -76,6 +82,13 @@ impl Channels {
     /// Publishes an incident.
     pub fn incident(&mut self, now: Time, text: &str) {
         notice(&mut self.incidents, &mut self.numbers[0], self.said, now, None, text);
+    }
+
+    /// Publishes how busy everybody is.
+    pub fn load(&mut self, now: Time, load: &Load, nodes: &[NodeLoad]) {
+        if let Some(writer) = &mut self.load {
+            writer.publish(now.nanos(), bytemuck::bytes_of(load), bytemuck::cast_slice(nodes));
+        }
     }
 
     /// Publishes a change that somebody asked for.

@@ -2,7 +2,7 @@
 //!
 //! `<root>/.run/control` is a Unix seqpacket socket. A request is one word, an answer one JSON object:
 //! `down` begins the ordered stop and answers `{"ok":true}`; the connection ends when nothing of the run is left.
-//! `status` answers with a `Status`. Anything else answers `{"error":…}`. Only the supervisor's user and root are heard.
+//! `status` answers with a `Status`. Anything else answers `{"error":…}`. Only the supervisor's user and root are heard, and no confined node.
 
 use std::io;
 use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
@@ -22,7 +22,7 @@ const MOST_CONNECTIONS: usize = 16;
 /// After the end of the supervisor the rest of the tree is gone within milliseconds [s].
 const LEAVES_WITHIN_S: f64 = 0.5;
 /// No request is longer.
-const LONGEST_REQUEST_BYTES: usize = 256;
+const LONGEST_REQUEST_BYTES: usize = 1024;
 const UNKNOWN: &str =
     r#"{"error":"unknown request; known are: down, status, start NODE, stop NODE, restart NODE, clear"}"#;
 /// No answer is longer.
@@ -128,7 +128,10 @@ impl Control {
 
 fn is_trusted(connection: &OwnedFd) -> bool {
     let own = rustix::process::geteuid();
-    net::sockopt::socket_peercred(connection).is_ok_and(|peer| peer.uid == own || peer.uid.is_root())
+    net::sockopt::socket_peercred(connection).is_ok_and(|peer| {
+        // A node without a user of its own has the supervisor's, and is still no person.
+        (peer.uid == own || peer.uid.is_root()) && !guard::is_confined(peer.pid.as_raw_nonzero().get() as u32)
+    })
 }
 
 /// Why a request had no answer.

@@ -51,6 +51,20 @@ impl Detectors {
         Detectors { tree: Tree::shared(root).ok(), crews: crews.iter().map(watched).collect(), ..Detectors::none() }
     }
 
+    /// The node was silent when it was last looked at, by somebody else.
+    pub fn believe_silent(&mut self, node: usize) {
+        if let Some(crew) = self.crews.get_mut(node) {
+            crew.stale = true;
+        }
+    }
+
+    /// Looks at one process more, of the single node `path`.
+    pub fn add(&mut self, path: &str) {
+        let expect = Expect { type_name: NodeStatistics::NAME.into(), layout_hash: NodeStatistics::layout_hash() };
+        let statistics = Ring::new(format!("{path}/statistics"), Some(expect));
+        self.crews.push(Watched { statistics: vec![(statistics, 0)], ..Watched::default() });
+    }
+
     /// What there is to tell of the nodes that run since `running` says.
     pub fn look(&mut self, now: Time, running: &dyn Fn(usize) -> Option<Time>) -> Vec<Event> {
         let mut events = Vec::new();

@@ -84,8 +84,12 @@ pub enum Action {
     Promote { node: usize },
     /// End the waiting process.
     KillStandby { node: usize },
-    /// From now on `Start` means the program from before the last replacement.
+    /// From now on `Start` means the program from before the last replacement, with the settings from before.
     Revert { node: usize },
+    /// The replacement has stood its trial, or a person wants it: nothing goes back behind it.
+    Accept { node: usize },
+    /// The replacement that was to come does not come.
+    Dismiss { node: usize },
     /// Schedule the node's threads this much above the priority that the robot file gives it.
     Reprioritise { node: usize, above: u8 },
     /// Count the node's heartbeat as healthy from now on.

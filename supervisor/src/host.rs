@@ -5,7 +5,7 @@
 
 use std::collections::VecDeque;
 use std::os::fd::BorrowedFd;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use runtime::Time;
@@ -15,9 +15,11 @@ use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use crate::channels::Channels;
 use crate::claim::Claim;
 use crate::control::{Control, StopHandle};
+use crate::cores::CorePattern;
 use crate::detectors::Detectors;
 use crate::errands::Errands;
 use crate::event::{Action, Event, Incident, IncidentKind};
+use crate::exit::Exit;
 use crate::host_tree::InTree;
 use crate::incidents::{Journal, Record};
 use crate::observer::{Guarded, Outcome, Report, StopCause};
@@ -26,8 +28,9 @@ use crate::processes::{Launcher, Process};
 use crate::requests;
 use crate::signals::Signals;
 use crate::slot::Slot;
+use crate::spawn;
 use crate::state::{NodeState, RobotState};
-use crate::status::Status;
+use crate::status::{NodeStatus, Status};
 use crate::wall::utc;
 
 /// Incidents kept in memory.
@@ -196,7 +199,20 @@ impl Host<'_> {
                     }
                     // Whoever is dropped is killed and reaped.
                     Action::KillStandby { node } => self.slots[node].standby = None,
-                    Action::Revert { node } => self.slots[node].revert(),
+                    Action::Revert { node } => {
+                        self.slots[node].revert();
+                        self.undo(node);
+                    }
+                    Action::Accept { node } => {
+                        self.slots[node].accept();
+                        self.forget_undo(node);
+                    }
+                    Action::Dismiss { node } => {
+                        // What is on trial stays as it is: only what was to come after it does not.
+                        if self.slots[node].forget_other() && !self.policy.on_trial(node) {
+                            self.undo(node);
+                        }
+                    }
                     Action::Execute { ticket, command } => {
                         if !self.errands.execute(clock::now(), ticket, command, &self.launcher) {
                             events.push_back(Event::Outcome { ticket, success: false });
@@ -240,6 +256,7 @@ impl Host<'_> {
     fn look_for_death(&mut self, node: usize) {
         if let Some(exit) = self.slots[node].look_for_death() {
             self.take(Event::Died { node, exit });
+            self.slots[node].bury();
         }
     }
 
@@ -288,14 +305,25 @@ impl Host<'_> {
     fn serve(&mut self) {
         let status = serde_json::to_string(&self.status()).unwrap_or_default();
         let instances: Vec<String> = self.slots.iter().map(|slot| slot.instance.clone()).collect();
-        let (policy, mut asked) = (&self.policy, Vec::new());
+        let lines = self.inside.as_ref().map(|inside| inside.beats.lines());
+        let (policy, mut asked, mut newcomers) = (&self.policy, Vec::new(), Vec::new());
         let down = self.control.serve(&status, &mut |words| {
+            if let Some(text) = words.strip_prefix("spawn ") {
+                let answer = spawn::accept(text, &instances, policy, lines);
+                let (answer, newcomer) = answer.map_or_else(spawn::refused, spawn::accepted);
+                newcomers.extend(newcomer);
+                return Some(answer);
+            }
             let (answer, request) = requests::answer(words, &instances, policy)?;
             asked.extend(request.map(|request| (words.to_owned(), request)));
             Some(answer)
         });
         for (words, request) in asked {
             self.carry_out(&words, request);
+        }
+        for newcomer in newcomers {
+            self.spawn(&newcomer);
+            self.take(Event::Timer);
         }
         if down {
             self.end(StopCause::Down, false);
@@ -318,10 +346,18 @@ impl Host<'_> {
             robot: self.claim.owner().robot.clone(),
             node: slot.instance.clone(),
             pid: if died { slot.dead_pid } else { slot.pid },
-            last_lines: if died { std::mem::take(&mut slot.last_lines) } else { Vec::new() },
+            last_lines: if died { slot.last_lines() } else { Vec::new() },
             ..Record::default()
         };
-        self.keep(record.with_kind(&incident.kind));
+        let mut record = record.with_kind(&incident.kind);
+        if let IncidentKind::Died { exit: Exit::Signal { core: true, .. }, .. } = incident.kind {
+            let kept = self.log_folder.as_ref().map(|folder| format!("{folder}/{}.core", slot.file_name()));
+            let cwd = std::env::current_dir().unwrap_or_default();
+            let told = CorePattern::of_machine().account(record.pid.unwrap_or(0), &cwd, kept.as_deref().map(Path::new));
+            record.message += &format!("; {told}");
+            record.core = Some(told);
+        }
+        self.keep(record);
     }
 
     /// Tells and keeps a record.
@@ -337,7 +373,10 @@ impl Host<'_> {
 
     fn status(&self) -> Status {
         let owner = self.claim.owner();
-        let nodes = self.slots.iter().enumerate().map(|(node, slot)| slot.status(self.policy.node(node)));
+        let nodes = self.slots.iter().enumerate().map(|(node, slot)| NodeStatus {
+            on_trial: self.policy.on_trial(node),
+            ..slot.status(self.policy.node(node))
+        });
         Status {
             robot: owner.robot.clone(),
             pid: std::process::id() as i32,

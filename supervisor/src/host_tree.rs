@@ -15,10 +15,12 @@ use crate::event::{Event, Request};
 use crate::exit::Exit;
 use crate::host::{Host, Source};
 use crate::incidents::Record;
+use crate::load::Teller;
 use crate::observer::StopCause;
 use crate::proc;
 use crate::remembered;
 use crate::saved::{Saved, SavedNode};
+use crate::severity::CauseKind;
 use crate::state::RobotState;
 use crate::telling::{Ask, Heard, hear};
 use crate::tree::Tree;
@@ -42,6 +44,8 @@ pub(crate) struct InTree {
     pub orphaned: bool,
     /// The supervisor's own heartbeat, which the guard looks at.
     pub own: Option<Line>,
+    /// Tells how busy the nodes are.
+    pub load: Teller,
 }
 
 impl InTree {
@@ -63,6 +67,11 @@ impl Host<'_> {
         for (node, slot) in self.slots.iter_mut().enumerate() {
             let Some(known) = saved.nodes.iter().find(|known| known.instance == slot.instance) else { continue };
             let lives = slot.adopt(known.process, known.starts, Time::from_nanos(known.started_ns));
+            slot.adopt_programs(
+                known.program.as_deref(),
+                known.program_before.as_deref(),
+                known.past.trial_ns.is_some(),
+            );
             known.teach(&mut self.policy, node);
             if matches!(known.state.as_str(), "alive" | "ready") && !lives {
                 gone.push(node);
@@ -79,7 +88,20 @@ impl Host<'_> {
                 !process.is_some_and(|process| slot.adopt(Some(process), starts, started))
             });
         }
+        self.policy.adopt_robot(clock::now(), &saved.past);
+        for cause in self.policy.causes().iter().filter(|cause| cause.kind == CauseKind::Silent) {
+            // It is silent until the detector hears it again.
+            self.detectors.believe_silent(cause.node);
+        }
         self.take(Event::Begin);
+        // Reset and resumed while nobody supervised.
+        let word = self.inside.as_ref().map(|inside| inside.tree.latch.word().state());
+        if self.policy.latched()
+            && matches!(word, Some(State::Run | State::Armed))
+            && self.policy.refusal(Request::Reset).is_none()
+        {
+            self.take(Event::Call(Request::Reset));
+        }
         for node in gone {
             self.take(Event::Died { node, exit: Exit::Unknown });
         }
@@ -111,7 +133,8 @@ impl Host<'_> {
     /// Leaves the successor what it must know.
     pub fn leave_state(&mut self) {
         let stopping = self.policy.robot() == RobotState::Stopping;
-        let nodes = self.slots.iter().enumerate().map(|(node, slot)| SavedNode::of(slot, self.policy.node(node)));
+        let saved = |(node, slot)| SavedNode::of(slot, self.policy.node(node), self.policy.past(node));
+        let nodes = self.slots.iter().enumerate().map(saved);
         let Some(inside) = &mut self.inside else { return };
         let saved = Saved {
             begun_ns: self.begun.nanos(),
@@ -119,6 +142,7 @@ impl Host<'_> {
             stopping: stopping.then_some(self.stopped_by),
             interrupts: self.interrupts,
             nodes: nodes.collect(),
+            past: self.policy.robot_past(),
         };
         if let Err(error) = inside.tree.keeper.keep(&saved) {
             eprintln!("{error}");
@@ -140,6 +164,8 @@ impl Host<'_> {
         let slots = &self.slots;
         let process = |node: usize| slots[node].process.as_ref().and(slots[node].pid);
         inside.beats.look(now, LOOK_S, &inside.witnesses, process, &mut events);
+        let channels = &mut self.channels;
+        events.extend(inside.load.look(now, process, |load, nodes| channels.load(now, load, nodes)));
         for event in events {
             self.take(event);
         }

@@ -48,6 +48,9 @@ pub struct Record {
     /// How long the process had lived (`died`), or the node had been down (`restarted`, `recovered`), s.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub span_s: Option<f64>,
+    /// Where the core dump of the process is, in words.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub core: Option<String>,
     /// What the process wrote last.
     #[serde(skip_serializing_if = "Vec::is_empty", default)]
     pub last_lines: Vec<String>,

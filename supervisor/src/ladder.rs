@@ -73,6 +73,12 @@ impl Ladder {
         self.latched
     }
 
+    /// What a supervisor before this one knew.
+    pub fn adopt(&mut self, causes: impl Iterator<Item = Cause>, latched: bool) {
+        self.causes.extend(causes);
+        self.latched |= latched;
+    }
+
     /// The causes that count now.
     pub fn causes(&self) -> &[Cause] {
         &self.causes

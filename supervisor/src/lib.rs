@@ -11,6 +11,7 @@
 //! | `SINEW_ROOT` | the robot's shared-memory folder, which the supervisor removes at the end |
 //! | `SINEW_SUPERVISOR_PID` | the supervisor, in a process tree the root: a node stops by itself when it dies (pidfd) |
 //! | `SINEW_RUN` | name of the run, by which a later supervisor finds what a killed one left |
+//! | `SINEW_IDENTITY` | `uid:gid:group,group`: who the node is to be, where its robot is run by root |
 //! | `SINEW_RESTARTS` | how many processes of this node came before in this run |
 //! | descriptor 4, `SINEW_TABLE` ("4 first count") | in a process tree: the table of heartbeats and keepsakes, and the node's lines |
 //! | descriptor 5 (`SINEW_LATCH_FD`) | in a process tree: the stop latch, read-only |
@@ -21,10 +22,11 @@
 //! the default ones.
 //!
 //! What a run keeps: below `<root>/.run`, for others to find it, `supervisor.lock`, `supervisor.json` (the [`Owner`]),
-//! `<node>.pid` and the socket `control` (Unix seqpacket; a request per packet, `status`, `down`, `start NODE`, `stop NODE`, `restart NODE` or `clear`, one
+//! `<node>.pid` and the socket `control` (Unix seqpacket; a request per packet, `status`, `down`, `start NODE`, `stop NODE`, `restart NODE`, `clear` and more, one
 //! JSON object back;
 //! after `down` the connection ends when nothing of the run is left). In the log folder, and there to stay, `<node>.log`,
-//! `<node>.previous.log` and `incidents.jsonl` (a [`Record`] per line).
+//! `<node>.previous.log`, `incidents.jsonl` (a [`Record`] per line) and `<node>.core`, its newest core dump, where the kernel
+//! writes core dumps to files and `ulimit -c` allows them.
 
 mod backoff;
 mod beats;
@@ -32,6 +34,7 @@ mod care;
 mod channels;
 mod claim;
 mod control;
+mod cores;
 mod detectors;
 mod errands;
 mod event;
@@ -41,9 +44,12 @@ mod front;
 mod host;
 mod host_tree;
 mod incidents;
+pub mod isolation;
 mod ladder;
 mod leftovers;
+mod load;
 mod logs;
+mod machine;
 mod news;
 mod observer;
 mod owner;
@@ -63,6 +69,7 @@ mod severity;
 mod signals;
 mod simulated;
 mod slot;
+mod spawn;
 mod state;
 mod status;
 mod supervise;
@@ -80,17 +87,20 @@ pub use event::{Action, Event, Incident, IncidentKind, Next, Request};
 pub use exit::Exit;
 pub use front::{Front, front_connection, refuse, run_tree};
 pub use incidents::{Record, describe};
+pub use load::{NodeTask, OVERLOAD_CODE, node_tasks};
 pub use logs::log_folder;
 pub use news::News;
 pub use observer::{Observer, Outcome, Report, StopCause};
 pub use owner::{Owner, owner, owners};
 pub use plan::{Plan, Program, base_folder, root_folder};
-pub use policy::Policy;
+pub use policy::{Adopted, Past, Policy, RobotPast};
+pub use requests::UNDO;
 pub use robot_plan::{Crew, RobotPlan};
 pub use rule::{Restart, Rule};
 pub use run::{SuperviseError, run, run_prepared};
 pub use severity::{Cause, CauseKind, Clear, Severity};
 pub use simulated::{Chronicle, FaultRates, PlannedFault, SupervisedHost, When};
+pub use spawn::Newcomer;
 pub use state::{NodeState, RobotState};
 pub use status::{NodeStatus, Status};
 pub use supervise::supervise;

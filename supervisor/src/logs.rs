@@ -32,6 +32,10 @@ pub struct NodeLog {
     file: File,
     /// Where the words of the present process begin.
     from: u64,
+    /// Where those of the newest dead one begin and end, until they are read.
+    marked: Option<(u64, u64)>,
+    /// Its last ones, where its file was put aside before they were read.
+    kept: Vec<String>,
 }
 
 impl NodeLog {
@@ -40,14 +44,14 @@ impl NodeLog {
         let path = folder.join(format!("{instance}.log"));
         put_aside(&path)?;
         let file = open(&path)?;
-        Ok(NodeLog { path, file, from: 0 })
+        Ok(NodeLog { path, file, from: 0, marked: None, kept: Vec::new() })
     }
 
     /// The log that a supervisor before this one has begun.
     pub fn go_on(folder: &Path, instance: &str) -> io::Result<NodeLog> {
         let path = folder.join(format!("{instance}.log"));
         let file = open(&path)?;
-        Ok(NodeLog { path, file, from: 0 })
+        Ok(NodeLog { path, file, from: 0, marked: None, kept: Vec::new() })
     }
 
     /// The file that a new process of the node writes to. A full or missing disk never keeps a node from starting.
@@ -58,6 +62,7 @@ impl NodeLog {
         if ((too_large && put_aside(&self.path).is_ok()) || removed)
             && let Ok(file) = open(&self.path)
         {
+            self.kept = self.marked_lines();
             self.file = file;
         }
         self.from = self.file.metadata().map_or(0, |file| file.len());
@@ -74,10 +79,21 @@ impl NodeLog {
         self.from = self.file.metadata().map_or(self.from, |file| file.len());
     }
 
-    /// The last lines that the present process has written.
-    pub fn last_lines(&self) -> Vec<String> {
+    /// The present process is dead: its words end here. They can be read later, when there is time.
+    pub fn mark(&mut self) {
         let end = self.file.metadata().map_or(0, |file| file.len());
-        let from = self.from.max(end.saturating_sub(TAIL_BYTES));
+        (self.marked, self.kept) = (Some((self.from, end)), Vec::new());
+    }
+
+    /// There was no process.
+    pub fn unmark(&mut self) {
+        (self.marked, self.kept) = (None, Vec::new());
+    }
+
+    /// The last lines that the marked process has written; once.
+    pub fn marked_lines(&mut self) -> Vec<String> {
+        let Some((begin, end)) = self.marked.take() else { return std::mem::take(&mut self.kept) };
+        let from = begin.max(end.saturating_sub(TAIL_BYTES));
         let mut bytes = vec![0_u8; end.saturating_sub(from) as usize];
         let read = self.file.read_at(&mut bytes, from).unwrap_or(0);
         last_lines(&bytes[..read])
@@ -116,7 +132,10 @@ mod tests {
         let mut log = NodeLog::create(folder.path(), "base").unwrap();
         writeln!(log.begin(), "first life").unwrap();
         writeln!(log.begin(), "second life\n\nlast words").unwrap();
-        assert_eq!(log.last_lines(), ["second life", "last words"]);
+        log.mark();
+        writeln!(log.begin(), "third life").unwrap();
+        assert_eq!(log.marked_lines(), ["second life", "last words"]);
+        assert!(log.marked_lines().is_empty(), "they are told once");
     }
 
     #[test]
@@ -132,9 +151,12 @@ mod tests {
     fn a_log_that_has_grown_too_large_is_put_aside_at_the_next_start() {
         let folder = tempfile::tempdir().unwrap();
         let mut log = NodeLog::create(folder.path(), "base").unwrap();
+        writeln!(log.begin(), "last words").unwrap();
+        log.mark();
         log.begin().set_len(LARGEST_BYTES + 1).unwrap();
         assert_eq!(log.begin().metadata().unwrap().len(), 0);
         assert!(folder.path().join("base.previous.log").exists());
+        assert_eq!(log.marked_lines(), ["last words"]);
     }
 
     #[test]

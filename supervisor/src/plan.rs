@@ -6,6 +6,8 @@ use std::path::PathBuf;
 
 use crate::care::Supervision;
 use crate::control::StopHandle;
+use crate::isolation::Ownership;
+use crate::load::NodeTask;
 use crate::logs::log_folder;
 use crate::robot_plan::Crew;
 use crate::rule::Rule;
@@ -53,10 +55,14 @@ pub struct Plan {
     pub supervision: Option<Supervision>,
     /// The robot's processes, numbered like the programs, whose channels are looked at; empty for other programs.
     pub crews: Vec<Crew>,
+    /// The robot's nodes in the order of the table of heartbeats, whose load is told; empty for other programs.
+    pub tasks: Vec<NodeTask>,
     /// Commands that reactions execute, by number.
     pub commands: Vec<Vec<String>>,
     /// Paths that reactions wait for, by number.
     pub awaited: Vec<String>,
+    /// Whose what is in the robot's folder, where nodes have users of their own.
+    pub ownership: Option<Ownership>,
     /// Ends the run from another thread.
     pub stop: Option<StopHandle>,
 }
@@ -72,8 +78,10 @@ impl Plan {
             programs,
             supervision: None,
             crews: Vec::new(),
+            tasks: Vec::new(),
             commands: Vec::new(),
             awaited: Vec::new(),
+            ownership: None,
             stop: None,
         }
     }

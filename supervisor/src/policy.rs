@@ -14,7 +14,7 @@ mod requests;
 mod unit;
 mod watch;
 
-pub use self::adopt::Adopted;
+pub use self::adopt::{Adopted, Past, RobotPast};
 use runtime::Time;
 
 use self::unit::{Intent, Standby, Unit};
@@ -86,6 +86,11 @@ impl Policy {
         }
     }
 
+    /// Takes care of one node more, which is started at the next event. Its number is that of the nodes so far.
+    pub fn add(&mut self, care: Care) {
+        self.units.push(Unit::new(care, None));
+    }
+
     /// Takes in what has happened and appends to `actions` what is to be done about it.
     pub fn handle(&mut self, now: Time, event: Event, actions: &mut Vec<Action>) {
         if self.phase == Phase::Done {
@@ -141,6 +146,11 @@ impl Policy {
     /// State of one node.
     pub fn node(&self, node: usize) -> NodeState {
         self.units[node].state
+    }
+
+    /// Whether a replacement of the node is on trial.
+    pub fn on_trial(&self, node: usize) -> bool {
+        self.units[node].trial.is_some()
     }
 
     /// Number of nodes.

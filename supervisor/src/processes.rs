@@ -60,6 +60,32 @@ impl Command {
         })
     }
 
+    /// The file that is run.
+    pub fn program(&self) -> Option<String> {
+        self.path.to_str().ok().map(str::to_owned)
+    }
+
+    /// The same for the single node `path` of the same robot, with its heartbeats in `line`.
+    pub fn for_node(&self, path: &str, line: usize) -> io::Result<Command> {
+        // What stands before the paths is the same for every node: program, `node`, `--root`, folder.
+        let before = self.arguments.iter().take_while(|argument| argument.to_bytes() != b"--root").count() + 2;
+        let node = text(OsStr::new(path))?;
+        let arguments = self.arguments.iter().take(before).cloned().chain([node]).collect();
+        let told = |entry: &CString| -> io::Result<CString> {
+            let value = |name: &str| entry.to_str().ok()?.strip_prefix(name)?.strip_prefix('=');
+            match (value("SINEW_NODE"), value("SINEW_TABLE")) {
+                (Some(_), _) => text(OsStr::new(&format!("SINEW_NODE={path}"))),
+                (_, Some(table)) => {
+                    let memory = table.split(' ').next().unwrap_or_default();
+                    text(OsStr::new(&format!("SINEW_TABLE={memory} {line} 1")))
+                }
+                _ => Ok(entry.clone()),
+            }
+        };
+        let environment = self.environment.iter().map(told).collect::<io::Result<_>>()?;
+        Ok(Command { path: self.path.clone(), arguments, environment })
+    }
+
     /// The same with another program; what it is told stays.
     pub fn with_program(&self, program: &OsStr) -> io::Result<Command> {
         let path = text(find_program(program)?.as_os_str())?;
@@ -248,24 +274,33 @@ impl Process {
         let _ = process::kill_process_group(self.pid, Signal::KILL);
     }
 
-    /// How the process ended, if it has. What it forked and left in its group is killed first: a successor must find
-    /// devices and locks free.
-    pub fn reap(&mut self) -> Option<Exit> {
+    /// How the process ended, if it has, without burying it: that may take its time, and is done when this is dropped.
+    /// What it forked and left in its group is killed first: a successor must find devices and locks free.
+    pub fn ended(&mut self) -> Option<Exit> {
         if !self.own {
             return self.reaped_by_root();
         }
-        let options = WaitIdOptions::EXITED | WaitIdOptions::NOHANG;
-        let wait = |options| process::waitid(WaitId::PidFd(self.descriptor.as_fd()), options);
-        if matches!(wait(options | WaitIdOptions::NOWAIT), Ok(None) | Err(Errno::INTR)) {
-            return None;
-        }
+        let options = WaitIdOptions::EXITED | WaitIdOptions::NOHANG | WaitIdOptions::NOWAIT;
+        let status = match process::waitid(WaitId::PidFd(self.descriptor.as_fd()), options) {
+            Ok(None) | Err(Errno::INTR) => return None,
+            status => status,
+        };
         // The group keeps the number of its dead leader until that is reaped, so no stranger can be hit.
         let _ = process::kill_process_group(self.pid, Signal::KILL);
-        let status = wait(options);
-        self.reaped = true;
         let Ok(Some(status)) = status else { return Some(Exit::Unknown) };
         let signalled = || Exit::Signal { signal: status.terminating_signal().unwrap_or(0), core: status.dumped() };
         Some(status.exit_status().map_or_else(signalled, Exit::Code))
+    }
+
+    /// The same, and buries it.
+    pub fn reap(&mut self) -> Option<Exit> {
+        let exit = self.ended()?;
+        if self.own {
+            let _ =
+                process::waitid(WaitId::PidFd(self.descriptor.as_fd()), WaitIdOptions::EXITED | WaitIdOptions::NOHANG);
+        }
+        self.reaped = true;
+        Some(exit)
     }
 }
 

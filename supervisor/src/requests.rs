@@ -4,6 +4,9 @@
 //! `replace` starts the node's program anew, or another PROGRAM (the rest of the line), beside the living one; when it has
 //! opened, the living one is stopped and it takes over. If it fails its trial, the one before is started again.
 //!
+//! Who asks for `set` or `wire` has written `launch.json` anew and left the one from before as `undo.NODE` beside it (the
+//! node's path with dots): it comes back with the program from before, should the new process fail its trial.
+//!
 //! `clear` ends causes of limp mode and hold that wait for a person, once they are gone; the emergency stop itself is
 //! reset at the guard. A node is named by its path or by the last part of it, where that is unique.
 
@@ -16,6 +19,10 @@ use crate::host::Host;
 use crate::observer::Report;
 use crate::policy::Policy;
 use crate::processes::find_program;
+use crate::severity::Cause;
+
+/// The file to go back to is called so, and then like the node.
+pub const UNDO: &str = "undo.";
 
 /// What `words` ask for, or why not.
 fn parse(words: &str, instances: &[String]) -> Option<Result<Request, String>> {
@@ -62,12 +69,50 @@ pub(crate) fn answer(words: &str, instances: &[String], policy: &Policy) -> Opti
         }
         Ok(request) => match policy.refusal(request) {
             Some(reason) => refused(format!("cannot {words}: {reason}")),
+            None if request == Request::Reset => (cleared(instances, policy), Some(request)),
             None => (r#"{"ok":true}"#.to_owned(), Some(request)),
         },
     })
 }
 
+/// What a process of the run reads at its start, below the run's folder.
+const LAUNCH: &str = "launch.json";
+
+/// What a `clear` ends, and what stays because it is not gone yet, or stays for all of the run.
+fn cleared(instances: &[String], policy: &Policy) -> String {
+    let (ended, stay): (Vec<&Cause>, Vec<&Cause>) = policy.causes().iter().partition(|cause| cause.resettable());
+    let words = |cause: &&Cause| {
+        let node = instances.get(cause.node).map_or("?", String::as_str);
+        format!("{node} {} ({})", cause.kind.words(), cause.severity.word())
+    };
+    let stays: Vec<String> = stay.iter().map(words).collect();
+    serde_json::json!({ "ok": true, "ended": ended.len(), "stays": stays }).to_string()
+}
+
 impl Host<'_> {
+    /// Takes back what `set` or `wire` changed for the node: whoever asked has left the file from before.
+    pub(crate) fn undo(&mut self, node: usize) {
+        let (undo, launch) = (self.undo_file(node), self.run_folder.join(LAUNCH));
+        match std::fs::rename(&undo, &launch) {
+            Ok(()) => self.channels.change(clock::now(), Some(node), "taken back"),
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound => {}
+            Err(error) => {
+                let text = format!("the change of {} cannot be taken back: {error}", self.slots[node].instance);
+                self.observer.report(Report::Note(&text));
+            }
+        }
+    }
+
+    /// The change of the node stays.
+    pub(crate) fn forget_undo(&self, node: usize) {
+        // There is none after most replacements.
+        let _ = std::fs::remove_file(self.undo_file(node));
+    }
+
+    fn undo_file(&self, node: usize) -> std::path::PathBuf {
+        self.run_folder.join(format!("{UNDO}{}", self.slots[node].file_name()))
+    }
+
     /// Does what was asked for and answered already.
     pub(crate) fn carry_out(&mut self, words: &str, request: Request) {
         let node = match request {
@@ -83,6 +128,10 @@ impl Host<'_> {
             // It was there when the request was answered.
             self.observer.report(Report::Note(&format!("cannot {words}: {error}")));
             return;
+        }
+        if let Some(node) = node.filter(|_| words.starts_with("replace ")) {
+            // Of a change that nobody has finished.
+            self.forget_undo(node);
         }
         self.channels.change(clock::now(), node, words);
         self.take(Event::Call(request));

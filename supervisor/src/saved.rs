@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::observer::StopCause;
 use crate::plan::{Plan, Program};
-use crate::policy::{Adopted, Policy};
+use crate::policy::{Adopted, Past, Policy, RobotPast};
 use crate::slot::Slot;
 use crate::state::NodeState;
 
@@ -23,8 +23,20 @@ pub struct SavedNode {
     pub starts: u32,
     /// When the newest was started [ns].
     pub started_ns: u64,
-    /// `waiting`, `alive`, `ready`, `finished`, `failed`, `given up` or `stopped`.
+    /// `waiting`, `alive`, `ready`, `pausing`, `regrouping`, `finished`, `failed`, `given up` or `stopped`.
     pub state: String,
+    /// When its pause ends [ns].
+    #[serde(default)]
+    pub until_ns: u64,
+    /// What happened to it before.
+    #[serde(default)]
+    pub past: Past,
+    /// Its program, where that is not the plan's.
+    #[serde(default)]
+    pub program: Option<String>,
+    /// The program to go back to when the present one fails its trial, where that is not the plan's.
+    #[serde(default)]
+    pub program_before: Option<String>,
 }
 
 /// The run.
@@ -40,6 +52,9 @@ pub struct Saved {
     pub interrupts: u32,
     /// The nodes, in the order of the plan.
     pub nodes: Vec<SavedNode>,
+    /// What holds the robot back.
+    #[serde(default)]
+    pub past: RobotPast,
 }
 
 impl Saved {
@@ -51,6 +66,10 @@ impl Saved {
             starts: 1,
             started_ns: 0,
             state: "alive".to_owned(),
+            until_ns: 0,
+            past: Past::default(),
+            program: None,
+            program_before: None,
         };
         Saved {
             begun_ns: 0,
@@ -58,6 +77,7 @@ impl Saved {
             stopping: None,
             interrupts: 0,
             nodes: plan.programs.iter().map(node).collect(),
+            past: RobotPast::default(),
         }
     }
 }
@@ -106,8 +126,14 @@ impl Keeper {
 
 impl SavedNode {
     /// The node in `slot`.
-    pub fn of(slot: &Slot, state: NodeState) -> SavedNode {
+    pub fn of(slot: &Slot, state: NodeState, past: Past) -> SavedNode {
+        let until = match state {
+            NodeState::Pausing { until } | NodeState::Regrouping { until } => until,
+            _ => Time::ZERO,
+        };
         let word = match state {
+            NodeState::Pausing { .. } => "pausing",
+            NodeState::Regrouping { .. } => "regrouping",
             NodeState::Running { .. } => "ready",
             NodeState::Ended { success: true } => "finished",
             NodeState::Ended { success: false } => "failed",
@@ -122,12 +148,16 @@ impl SavedNode {
             starts: slot.starts(),
             started_ns: slot.started().nanos(),
             state: word.to_owned(),
+            until_ns: until.nanos(),
+            past,
+            program: slot.program(),
+            program_before: slot.program_before(),
         }
     }
 
     /// Tells `policy` about it.
     pub fn teach(&self, policy: &mut Policy, node: usize) {
-        let started = Time::from_nanos(self.started_ns);
+        let (started, until) = (Time::from_nanos(self.started_ns), Time::from_nanos(self.until_ns));
         policy.adopt(
             node,
             match self.state.as_str() {
@@ -136,9 +166,12 @@ impl SavedNode {
                 "failed" => Adopted::Ended { success: false },
                 "given up" => Adopted::GivenUp,
                 "stopped" => Adopted::Stopped,
+                "pausing" => Adopted::Pausing { until },
+                "regrouping" => Adopted::Regrouping { until },
                 "ready" => Adopted::Alive { ready: true, started },
                 _ => Adopted::Alive { ready: false, started },
             },
+            &self.past,
         );
     }
 }

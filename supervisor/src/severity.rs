@@ -1,9 +1,10 @@
 //! How bad it is: a ladder of five rungs; each cause stands on one of them and says when it leaves it (PX4's failsafe).
 
 use runtime::Time;
+use serde::{Deserialize, Serialize};
 
 /// What a cause does to the robot. The highest rung on which any cause stands counts; a higher one includes the lower.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default, Hash)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default, Hash, Serialize, Deserialize)]
 pub enum Severity {
     /// Nothing.
     #[default]
@@ -29,7 +30,7 @@ impl Severity {
 }
 
 /// When a cause no longer counts.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub enum Clear {
     /// Once it has been gone for `after_s`.
     Gone {
@@ -44,7 +45,7 @@ pub enum Clear {
 }
 
 /// What is wrong with a node.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub enum CauseKind {
     /// It is given up, has failed for good, or has been down for too long.
     Absent,
@@ -75,7 +76,7 @@ impl CauseKind {
 }
 
 /// One cause that holds the robot back.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Cause {
     /// The node that it concerns.
     pub node: usize,

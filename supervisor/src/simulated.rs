@@ -6,7 +6,9 @@
 //! driver's last will is written when its death has been noticed, as the guard does. What the policy lets the robot do
 //! stands at `/supervisor/robot/state` as on a live robot.
 
+mod answers;
 mod faults;
+mod governed;
 mod inject;
 mod planned;
 
@@ -15,6 +17,7 @@ pub use planned::{PlannedFault, When};
 
 use std::collections::BTreeMap;
 
+use guard::latch::State;
 use messages::{NodeStatistics, SupervisorState, bytemuck};
 use runtime::channel::{Claim, Geometry, RawReader, RawWriter};
 use runtime::robot::Robot;
@@ -38,8 +41,12 @@ const SLOW_LOOKS: u64 = 10;
 /// What happened in a supervised run.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Chronicle {
-    /// Faults injected, by kind: deaths, hangs, slow-downs, bursts, stops, supervisor's deaths.
-    pub faults: [u64; 6],
+    /// Faults injected, by kind: deaths, hangs, slow-downs, bursts, stops, supervisor's deaths, refused commands.
+    pub faults: [u64; 7],
+    /// Commands that reactions have asked for, and those of them that failed.
+    pub commands: u64,
+    /// Of them, those that failed.
+    pub commands_failed: u64,
     /// Restarts of processes, whatever the reason.
     pub restarts: u64,
     /// Times from a death to the next sign of life, in the order of their ends [s].
@@ -66,6 +73,7 @@ enum Later {
     Will(usize),
     EndBurst,
     Person,
+    Resume,
 }
 
 /// A robot in simulation under its supervisor.
@@ -97,8 +105,17 @@ pub struct SupervisedHost {
     wills: Vec<Option<&'static [u8]>>,
     /// What each node did in its former lives.
     former: Vec<NodeStatistics>,
-    /// Since when the emergency stop is latched.
+    /// What the governor wants, where there is one.
+    governor: Option<governed::Governor>,
+    /// Where the stop latch stands, and since when the robot must stand.
+    latch: State,
     stopped_since: Option<Time>,
+    /// Commands and paths that reactions name by number.
+    commands: Vec<Vec<String>>,
+    paths: Vec<String>,
+    awaited: Vec<answers::Awaited>,
+    /// Programs that fail, and until when.
+    refused: Vec<(String, Time)>,
     chronicle: Chronicle,
 }
 
@@ -149,8 +166,14 @@ impl SupervisedHost {
             died_at: vec![None; count],
             wills: wills.collect(),
             former: vec![NodeStatistics::default(); robot.nodes.len()],
+            governor: governed::Governor::of(&host, &plan.crews),
             chronicle: Chronicle::default(),
+            latch: State::Run,
             stopped_since: None,
+            commands: plan.commands,
+            paths: plan.paths,
+            awaited: Vec::new(),
+            refused: Vec::new(),
             crews: plan.crews,
             host,
         };
@@ -167,7 +190,7 @@ impl SupervisedHost {
         &self.host
     }
 
-    /// Since when the emergency stop is latched, if it is.
+    /// Since when the robot must stand: latched, or reset and not yet resumed.
     pub fn stopped_since(&self) -> Option<Time> {
         self.stopped_since
     }
@@ -287,7 +310,8 @@ impl SupervisedHost {
                         self.host.links().link(&name).iter().for_each(runtime::device::MemoryLink::clear_fault);
                     }
                 }
-                Later::Person => self.take(Event::Call(Request::Reset)),
+                Later::Person => self.person(),
+                Later::Resume => self.resume(now),
             }
         }
     }
@@ -348,12 +372,8 @@ impl SupervisedHost {
         if latched && !self.policy.latched() && !(event == Event::Call(Request::Reset) && may_reset) {
             self.chronicle.let_go += 1;
         }
-        if latched != self.policy.latched() {
-            self.stopped_since = (!latched).then_some(now);
-        }
         if latched && !self.policy.latched() {
-            // Reset and resumed by the same person.
-            self.host.set_latch(guard::latch::State::Run);
+            self.arm(now);
         }
         for action in actions {
             self.act(now, action);
@@ -391,22 +411,25 @@ impl SupervisedHost {
                 }
             }
             Action::Kill { node } => self.bury(node),
-            Action::Execute { ticket, .. } | Action::Await { ticket, .. } => {
-                let ends = now.after_s(self.drawn_s(ticket as usize, 7, 1e-3, 50e-3));
-                self.later(ends, Later::Tell(Event::Outcome { ticket, success: true }));
-            }
+            Action::Execute { ticket, command } => self.execute(now, ticket, command),
+            Action::Await { ticket, path, within_s } => self.wait_for(now, ticket, path, within_s),
             Action::Limp { on } => self.chronicle.limps += u64::from(on),
             Action::Hold { on } => self.chronicle.holds += u64::from(on),
             Action::Stop { .. } => {
                 self.chronicle.stops += 1;
-                self.host.set_latch(guard::latch::State::Latched);
+                self.latch(now, State::Latched);
             }
             Action::Notify(incident) => {
                 let given_up =
                     matches!(incident.kind, IncidentKind::Died { next: crate::event::Next::GiveUp { .. }, .. });
                 self.chronicle.given_up += u64::from(given_up);
             }
-            Action::Revert { .. } | Action::Reprioritise { .. } | Action::Heal { .. } | Action::Done => {}
+            Action::Revert { .. }
+            | Action::Accept { .. }
+            | Action::Dismiss { .. }
+            | Action::Reprioritise { .. }
+            | Action::Heal { .. }
+            | Action::Done => {}
         }
     }
 
@@ -443,7 +466,11 @@ impl SupervisedHost {
         if now < self.absent_until {
             return;
         }
+        if let Some(event) = self.governor.as_mut().and_then(|governor| governor.hear(now)) {
+            self.take(event);
+        }
         self.looks += 1;
+        self.look_for_paths(now);
         let slowly = self.looks.is_multiple_of(SLOW_LOOKS);
         for crew in 0..self.crews.len() {
             let NodeState::Running { .. } = self.policy.node(crew) else { continue };

@@ -18,6 +18,8 @@ use crate::status::NodeStatus;
 pub(crate) struct Slot {
     pub instance: String,
     pub process: Option<Process>,
+    /// The one before it, dead and known to be: first its successor is started, then it is buried.
+    unburied: Option<Process>,
     /// A second process that has opened, or is about to, and waits.
     pub standby: Option<Process>,
     /// Whether it has opened and waits.
@@ -28,14 +30,15 @@ pub(crate) struct Slot {
     pub ticks: Option<u64>,
     /// Process of the newest death: by the time that it is told, its successor may run.
     pub dead_pid: Option<i32>,
-    /// What that process wrote last.
-    pub last_lines: Vec<String>,
     file_name: String,
     command: Command,
     /// The program that is to replace the present one.
     other: Option<Command>,
-    /// The one from before the last replacement.
+    /// The one from before the last replacement, while that is on trial.
     before: Option<Command>,
+    /// Whether the program is another than the plan's, and whether the one before is.
+    replaced: bool,
+    replaced_before: bool,
     reports_ready: bool,
     /// `None`: what the node says goes to /dev/null.
     log: Option<NodeLog>,
@@ -58,16 +61,18 @@ impl Slot {
         Slot {
             instance,
             process: None,
+            unburied: None,
             standby: None,
             standby_waits: false,
             pid: None,
             ticks: None,
             dead_pid: None,
-            last_lines: Vec::new(),
             file_name,
             command,
             other: None,
             before: None,
+            replaced: false,
+            replaced_before: false,
             reports_ready,
             log,
             above: 0,
@@ -75,6 +80,11 @@ impl Slot {
             started: Time::ZERO,
             last_exit: None,
         }
+    }
+
+    /// The command of another node, `path`, with heartbeats from `line` on; `None` for programs that run no nodes.
+    pub fn like(&self, path: &str, line: usize) -> Option<io::Result<Command>> {
+        self.instance.starts_with('/').then(|| self.command.for_node(path, line))
     }
 
     /// Processes that came before the present one.
@@ -92,6 +102,28 @@ impl Slot {
         self.started
     }
 
+    /// The program, where that is not the plan's.
+    pub fn program(&self) -> Option<String> {
+        self.command.program().filter(|_| self.replaced)
+    }
+
+    /// The program to go back to, where that is not the plan's.
+    pub fn program_before(&self) -> Option<String> {
+        self.before.as_ref().filter(|_| self.replaced_before)?.program()
+    }
+
+    /// Goes on with the programs that a supervisor before this one had put in the plan's place. One that is gone is left
+    /// out: then the plan's starts.
+    pub fn adopt_programs(&mut self, program: Option<&str>, before: Option<&str>, on_trial: bool) {
+        let other = |name: &str| self.command.with_program(OsStr::new(name)).ok();
+        let (program, before) = (program.and_then(other), before.and_then(other));
+        self.replaced_before = before.is_some();
+        self.before = on_trial.then(|| before.unwrap_or_else(|| self.command.clone()));
+        if let Some(program) = program {
+            (self.command, self.replaced) = (program, true);
+        }
+    }
+
     /// Takes over what a supervisor before this one has started; whether its process still lives.
     pub fn adopt(&mut self, process: Option<(i32, u64)>, starts: u32, started: Time) -> bool {
         (self.starts, self.started) = (starts, started);
@@ -101,7 +133,7 @@ impl Slot {
         if self.process.is_none() {
             self.dead_pid = Some(pid);
             self.last_exit = Some(Exit::Unknown);
-            self.last_lines = self.log.as_ref().map_or_else(Vec::new, NodeLog::last_lines);
+            self.log.iter_mut().for_each(NodeLog::mark);
         }
         self.process.is_some()
     }
@@ -120,7 +152,7 @@ impl Slot {
             Err(error) => {
                 let exit = Exit::NotStarted(error.raw_os_error().unwrap_or(libc::EINVAL));
                 (self.pid, self.dead_pid, self.last_exit) = (None, None, Some(exit));
-                self.last_lines.clear();
+                self.log.iter_mut().for_each(NodeLog::unmark);
                 Err(exit)
             }
         }
@@ -176,6 +208,7 @@ impl Slot {
         }
         if let Some(other) = self.other.take() {
             self.before = Some(std::mem::replace(&mut self.command, other));
+            self.replaced_before = std::mem::replace(&mut self.replaced, true);
         }
         if let Some(log) = &mut self.log {
             log.hand_over();
@@ -188,17 +221,43 @@ impl Slot {
     pub fn revert(&mut self) {
         self.other = None;
         if let Some(before) = self.before.take() {
-            self.command = before;
+            (self.command, self.replaced) = (before, self.replaced_before);
         }
+    }
+
+    /// Its name as that of a file.
+    pub fn file_name(&self) -> &str {
+        &self.file_name
+    }
+
+    /// The last replacement has stood its trial: nothing goes back behind it.
+    pub fn accept(&mut self) {
+        self.before = None;
+    }
+
+    /// The replacement that was to come is not wanted any more; whether there was one.
+    pub fn forget_other(&mut self) -> bool {
+        self.other.take().is_some()
     }
 
     /// How the process ended, if it has.
     pub fn look_for_death(&mut self) -> Option<Exit> {
-        let exit = self.process.as_mut().and_then(Process::reap)?;
-        self.process = None;
+        let exit = self.process.as_mut().and_then(Process::ended)?;
+        self.unburied = self.process.take();
         (self.dead_pid, self.last_exit) = (self.pid, Some(exit));
-        self.last_lines = self.log.as_ref().map_or_else(Vec::new, NodeLog::last_lines);
+        // They are read when its successor has been started.
+        self.log.iter_mut().for_each(NodeLog::mark);
         Some(exit)
+    }
+
+    /// Buries the process of the newest death: the kernel forgets its number.
+    pub fn bury(&mut self) {
+        self.unburied = None;
+    }
+
+    /// What the process of the newest death wrote last; once.
+    pub fn last_lines(&mut self) -> Vec<String> {
+        self.log.as_mut().map_or_else(Vec::new, NodeLog::marked_lines)
     }
 
     /// Schedules the node's threads `above` the priority that they had when it was first asked for. Threads without
@@ -219,6 +278,7 @@ impl Slot {
             lived_s: self.process.as_ref().map(|_| clock::now().since(self.started)),
             restarts: self.restarts(),
             last_exit: self.last_exit.map(|exit| exit.to_string()),
+            on_trial: false,
             standby: self.standby.as_ref().map(|_| if self.standby_waits { "waiting" } else { "starting" }.to_owned()),
         }
     }

@@ -42,4 +42,7 @@ pub struct NodeStatus {
     /// A process that is to take over from it: `starting`, or `waiting` once it has opened.
     #[serde(default)]
     pub standby: Option<String>,
+    /// Whether it has been replaced, set or wired so lately that a death would take that back.
+    #[serde(default)]
+    pub on_trial: bool,
 }

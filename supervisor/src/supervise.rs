@@ -16,6 +16,7 @@ use crate::errands::Errands;
 use crate::host::Host;
 use crate::host_tree::InTree;
 use crate::leftovers;
+use crate::load::Teller;
 use crate::logs::NodeLog;
 use crate::observer::{Guarded, StopCause};
 use crate::plan::Plan;
@@ -107,6 +108,7 @@ pub fn supervise(plan: Plan) -> Result<(), SuperviseError> {
             log_folder: log_folder.map(ToOwned::to_owned),
             orphaned: false,
             own: tree.table.line(SUPERVISOR_LINE),
+            load: Teller::start(claim.root(), &tree.table, &plan.tasks, clock::now()),
             tree,
         }),
         claim,
@@ -152,11 +154,11 @@ fn care(program: &crate::plan::Program) -> Care {
     let plain = Care::plain(program.rule);
     match program.beats {
         0 => plain,
-        _ => Care {
-            beats_low: BEATS_PER_LIMIT - 1,
-            beats_high: BEATS_PER_LIMIT,
-            start_deadline_s: START_WITHIN_S,
-            ..plain
-        },
+        _ => beating(plain),
     }
+}
+
+/// The same care for a node that beats.
+pub(crate) fn beating(plain: Care) -> Care {
+    Care { beats_low: BEATS_PER_LIMIT - 1, beats_high: BEATS_PER_LIMIT, start_deadline_s: START_WITHIN_S, ..plain }
 }

@@ -112,11 +112,16 @@ fn make(
 ) -> Result<Infallible, SuperviseError> {
     claim.announce()?;
     fill(claim.root()).map_err(SuperviseError::Fill)?;
+    if let Some(ownership) = &plan.ownership {
+        ownership.share_out(claim.root()).map_err(system("give the nodes' folders to their users"))?;
+    }
     if let Some(found) = found {
         fs::write(claim.run_folder().join(FOUND), found.sentence()).map_err(system("write into the robot's folder"))?;
     }
     let state = StateFile::make().map_err(system("make the supervisor's memory"))?;
     let latch = make_memfd("sinew-latch", LatchPage::BYTES).map_err(system("make the latch's memory"))?;
+    // Not even its owner opens it for writing once more: the guard has it open.
+    rustix::fs::fchmod(&latch, rustix::fs::Mode::RUSR).map_err(|e| system("close the latch's memory")(e.into()))?;
     let table = make_memfd("sinew-table", Table::BYTES).map_err(system("make the table of heartbeats"))?;
     begin_latch(plan, seed, &latch).map_err(system("begin the stop latch"))?;
     let socket = claim.root().join(guard::SOCKET);

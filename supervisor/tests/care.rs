@@ -198,7 +198,7 @@ fn a_replacement_takes_over_between_two_steps_and_a_failing_one_is_sent_back() {
     bench.event(Event::StandbyReady { node: 0 });
     bench.die(0);
     bench.event(Event::Ready { node: 0 });
-    bench.after(1.0);
+    assert_eq!(bench.after(1.0), [Action::Accept { node: 0 }]);
     assert_eq!(bench.die(0), [Action::Start { node: 0 }]);
 }
 
@@ -474,7 +474,7 @@ impl World {
                 _ => {}
             },
             Action::Reprioritise { node, above } => assert!(above <= self.plan.nodes[node].raise_most),
-            Action::Revert { .. } | Action::Heal { .. } => {}
+            Action::Revert { .. } | Action::Accept { .. } | Action::Dismiss { .. } | Action::Heal { .. } => {}
             Action::Done => {
                 assert!(!self.alive.contains(&true), "done with living processes");
                 self.done = true;

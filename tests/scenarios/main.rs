@@ -3,6 +3,7 @@
 
 mod guard;
 mod modes;
+mod rangers;
 
 use messages::{GotoGoal, MoveRequest, SetMode};
 use runtime::calls::TicketState;

@@ -106,10 +106,14 @@ fn plainer(fault: &PlannedFault) -> Vec<PlannedFault> {
                 }
             });
         }
-        PlannedFault::Hang { .. } | PlannedFault::Burst { .. } | PlannedFault::Supervisor { .. } => form(&|fault| {
+        PlannedFault::Hang { .. }
+        | PlannedFault::Burst { .. }
+        | PlannedFault::Supervisor { .. }
+        | PlannedFault::Command { .. } => form(&|fault| {
             if let PlannedFault::Hang { for_s, .. }
             | PlannedFault::Burst { for_s, .. }
-            | PlannedFault::Supervisor { for_s, .. } = fault
+            | PlannedFault::Supervisor { for_s, .. }
+            | PlannedFault::Command { for_s, .. } = fault
             {
                 *for_s = halved(*for_s);
             }

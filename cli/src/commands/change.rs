@@ -1,15 +1,16 @@
 //! `sinew set` and `sinew wire`: another setting or another source for a node of a robot that drives.
 //!
 //! The change is checked like a robot file, then written where every process of the run reads the robot, and the node is
-//! replaced by a new process that has opened with it. A node that does not open with it changes nothing: what was
-//! written is taken back. `--save` writes the change into the robot file too, comments and order kept.
+//! replaced by a new process that has opened with it. A node that does not open with it changes nothing, and one that
+//! dies on its trial (`care.trial_s`) neither: what was written is taken back, by the supervisor, also when this program
+//! is gone. `--save` writes the change into the robot file too, after the trial, comments and order kept.
 
-use crate::admission;
 use crate::exit::{CHECK, FAILED, Failure, USAGE};
 use crate::launch::Launch;
 use crate::live::{LiveRobot, Which};
 use crate::load;
 use crate::output::Out;
+use crate::{admission, cycles};
 use runtime::robot::{NodeSpec, Override, Robot, nearest_advice};
 use runtime::{NodeType, clock};
 use serde_json::json;
@@ -43,23 +44,23 @@ pub struct WireArgs {
 }
 
 #[derive(Debug, clap::Args)]
-struct More {
+pub(super) struct More {
     /// Writes the change into the robot file, too; comments are kept
     #[arg(long)]
-    save: bool,
+    pub save: bool,
     #[command(flatten)]
-    which: Which,
+    pub which: Which,
     /// Prints one JSON object
     #[arg(long)]
-    json: bool,
+    pub json: bool,
 }
 
 /// How long a node may take to open, and its predecessor to stop [s].
-const PATIENCE_S: f64 = 20.0;
+pub(super) const PATIENCE_S: f64 = 20.0;
 /// How often the supervisor is asked meanwhile [s].
-const LOOK_S: f64 = 0.02;
+pub(super) const LOOK_S: f64 = 0.02;
 /// How long the supervisor may take to answer [s].
-const ANSWER_WITHIN_S: f64 = 2.0;
+pub(super) const ANSWER_WITHIN_S: f64 = 2.0;
 
 /// One change of one node.
 struct Change {
@@ -107,14 +108,26 @@ fn make(change: &Change, more: &More, types: &[NodeType]) -> Result<(), Failure>
     let before = Launch::read(&live.folder)?;
     let robot = before.robot(types)?;
     let path = node_of(&robot, &change.node)?.path();
+    // One change at a time is on trial, so that taking one back takes back no other.
+    await_trials(&live)?;
+    let before = Launch::read(&live.folder)?;
+    let robot = before.robot(types)?;
     let changed = checked(&robot, change, types)?;
     // A file that cannot be saved is told before anything is changed.
     let saved = more.save.then(|| edited(&before, change)).transpose()?;
     let after = Launch { text: changed.text, ..before.clone() };
+    let undo = before.leave_undo(&live.folder, &path)?;
     after.write(&live.folder)?;
     if let Err(failure) = replace(&live, &path, &change.words) {
         before.write(&live.folder)?;
+        let _ = std::fs::remove_file(undo);
         return Err(failure);
+    }
+    await_trials(&live)?;
+    if Launch::read(&live.folder)?.text != after.text {
+        let text =
+            format!("{path} has died on its trial with that, and goes on as before: `sinew incidents` tells how");
+        return Err(Failure::new(FAILED, text));
     }
     if let Some((file, text)) = &saved {
         write_beside(file, text)?;
@@ -133,7 +146,7 @@ fn make(change: &Change, more: &More, types: &[NodeType]) -> Result<(), Failure>
     out.flush()
 }
 
-fn lock(folder: &Path) -> Result<std::fs::File, Failure> {
+pub(super) fn lock(folder: &Path) -> Result<std::fs::File, Failure> {
     let file = std::fs::File::options().create(true).append(true).open(folder.join(".run/change.lock"))?;
     file.try_lock().map_err(|_| Failure::new(FAILED, "somebody else is changing this robot right now: try again"))?;
     Ok(file)
@@ -158,7 +171,14 @@ fn checked(robot: &Robot, change: &Change, types: &[NodeType]) -> Result<Robot, 
     if !contradictions.is_empty() {
         return Err(Failure::new(CHECK, contradictions.join("\n")));
     }
+    let flaws = supervisor::isolation::flaws(&changed);
+    if !flaws.is_empty() {
+        return Err(load::errors(flaws));
+    }
     let graph = changed.graph().map_err(load::errors)?;
+    if let Some(why) = cycles::refusal(&graph) {
+        return Err(Failure::new(CHECK, why));
+    }
     let verdict = admission::judge(&graph, &changed.file);
     if !verdict.errors.is_empty() {
         return Err(load::errors(verdict.errors));
@@ -191,9 +211,21 @@ fn replace(live: &LiveRobot, path: &str, words: &str) -> Result<(), Failure> {
     Err(Failure::new(FAILED, format!("{path} has not changed within {PATIENCE_S} s: `sinew incidents` tells why")))
 }
 
-fn status(live: &LiveRobot, path: &str) -> Result<NodeStatus, Failure> {
+/// Returns when nothing of the robot is on trial any more.
+fn await_trials(live: &LiveRobot) -> Result<(), Failure> {
+    while whole_status(live)?.nodes.iter().any(|node| node.on_trial) {
+        clock::sleep_s(LOOK_S);
+    }
+    Ok(())
+}
+
+fn whole_status(live: &LiveRobot) -> Result<supervisor::Status, Failure> {
     let status = supervisor::ask(&live.folder, "status", ANSWER_WITHIN_S).map_err(Failure::from)?;
-    let status: supervisor::Status = serde_json::from_str(&status)?;
+    Ok(serde_json::from_str(&status)?)
+}
+
+fn status(live: &LiveRobot, path: &str) -> Result<NodeStatus, Failure> {
+    let status = whole_status(live)?;
     let known = |node: &NodeStatus| node.instance == path;
     status.nodes.into_iter().find(known).ok_or_else(|| {
         Failure::new(
@@ -204,7 +236,7 @@ fn status(live: &LiveRobot, path: &str) -> Result<NodeStatus, Failure> {
 }
 
 /// The file's name without the words that stand behind it when the command line has changed something.
-fn file_of(name: &str) -> &str {
+pub(super) fn file_of(name: &str) -> &str {
     name.split(" (with the command line").next().unwrap_or(name)
 }
 
@@ -241,7 +273,7 @@ fn edited(launch: &Launch, change: &Change) -> Result<(PathBuf, String), Failure
 }
 
 /// Writes a file whole or not at all.
-fn write_beside(file: &Path, text: &str) -> Result<(), Failure> {
+pub(super) fn write_beside(file: &Path, text: &str) -> Result<(), Failure> {
     let beside = file.with_extension("toml.new");
     std::fs::write(&beside, text).and_then(|()| std::fs::rename(&beside, file)).map_err(|e| {
         let _ = std::fs::remove_file(&beside);

@@ -9,8 +9,8 @@ const GROUPS: [(&str, &[&str]); 5] = [
     (
         "Run a robot",
         &[
-            "run", "drive", "goto", "mode", "down", "estop", "reset", "resume", "start", "stop", "restart", "replace",
-            "set", "wire", "simulate", "shrink", "compare", "barn",
+            "run", "drive", "goto", "mode", "down", "estop", "reset", "resume", "start", "stop", "restart", "clear",
+            "replace", "set", "wire", "spawn", "simulate", "shrink", "compare", "barn",
         ],
     ),
     ("Look at a running robot", &["top", "incidents", "ls", "cat", "hz", "logs", "call"]),
@@ -227,6 +227,17 @@ Types must agree. A node is written to by one alone, so a wire never makes a sec
 
 JSON (--json): robot, node, change, saved, ok.";
 
+pub const SPAWN: &str = "\
+Examples:
+  sinew spawn stop_zone --at watch --period 100 --budget 2 --read ranges=/perception/echoes/ranges
+  sinew spawn forward --at creep --period 100 --budget 1 --set speed_m_s=0.05 --save
+
+The robot file with the new node is checked as `sinew check` would, the node is opened for its ports, and response-time
+analysis must find that nobody misses a deadline for it: nodes without budget_ms count with what was measured of them.
+What is refused changes nothing. A spawned node stands last until the robot starts anew; `sinew stop` ends it.
+
+JSON (--json): robot, node, change, saved, reckoned, utilization, ok.";
+
 pub const REPLACE: &str = "\
 Examples:
   sinew replace steer_clear                           starts the node's program anew, as its file is now
@@ -250,8 +261,21 @@ pub const INCIDENTS: &str = "\
 Examples:
   sinew incidents                   what went wrong on the only running robot, oldest first
   sinew incidents pioneer --last 20 also after it has stopped
+  sinew incidents --lines           with the last lines that each dead process wrote
+
+A process that died with a core dump says where that is: beside the logs as NODE.core where the kernel writes files (the
+newest of each node), else which program it was piped to. Whether cores are written at all is `ulimit -c` of whoever
+started the robot.
 
 JSON (--json): one record per line, as in incidents.jsonl.";
+
+pub const CLEAR: &str = "\
+Examples:
+  sinew clear                       all is well again: ends limp mode and hold that wait for a person
+
+Causes that are still there stay, and are listed. The emergency stop is not among them: `sinew reset`, then `sinew resume`.
+
+JSON (--json): robot, ended (how many), stays [what], ok.";
 
 pub const ESTOP: &str = "\
 Examples:

@@ -17,6 +17,9 @@ pub struct Args {
     /// Only those of this node
     #[arg(long, value_name = "NODE")]
     node: Option<String>,
+    /// Also the last lines that each dead process wrote
+    #[arg(long)]
+    lines: bool,
     /// Prints a JSON object per incident
     #[arg(long)]
     json: bool,
@@ -58,6 +61,10 @@ pub fn run(args: &Args) -> Result<(), Failure> {
             Cell::from(record.event.as_str()),
             Cell::from(record.message.as_str()),
         ]);
+        for line in record.last_lines.iter().filter(|_| args.lines) {
+            let nothing = || Cell::from("");
+            table.row([nothing(), nothing(), nothing(), Cell::toned(Tone::Dim, format!("| {line}"))]);
+        }
     }
     match table.is_empty() {
         true => out.line(format!("robot \"{name}\": nothing has gone wrong"))?,

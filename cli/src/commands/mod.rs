@@ -33,6 +33,7 @@ pub mod run;
 mod schema;
 mod shrink;
 pub mod simulate;
+mod spawn;
 mod steer;
 mod top;
 mod tree;
@@ -85,10 +86,14 @@ enum Command {
     Stop(steer::Args),
     #[command(after_help = help::RESTART)]
     Restart(steer::Args),
+    #[command(after_help = help::CLEAR)]
+    Clear(steer::ClearArgs),
     #[command(after_help = help::SET)]
     Set(change::SetArgs),
     #[command(after_help = help::WIRE)]
     Wire(change::WireArgs),
+    #[command(after_help = help::SPAWN)]
+    Spawn(spawn::Args),
     #[command(after_help = help::REPLACE)]
     Replace(steer::ReplaceArgs),
     #[command(after_help = help::TOP)]
@@ -180,8 +185,10 @@ fn dispatch(command: Command, types: &[NodeType]) -> Result<(), Failure> {
         Command::Stop(args) => steer::run(&args, "stop"),
         Command::Restart(args) => steer::run(&args, "restart"),
         Command::Replace(args) => steer::replace(&args),
+        Command::Clear(args) => steer::clear(&args),
         Command::Set(args) => change::set(&args, types),
         Command::Wire(args) => change::wire(&args, types),
+        Command::Spawn(args) => spawn::run(&args, types),
         Command::Top(args) => top::run(&args),
         Command::Incidents(args) => incidents::run(&args),
         Command::Ls(args) => ls::run(args),

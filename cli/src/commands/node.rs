@@ -5,6 +5,7 @@ use crate::launch::Launch;
 use runtime::NodeType;
 use runtime::live::{self, LiveOptions};
 use std::path::PathBuf;
+use supervisor::isolation;
 
 /// Runs nodes of a robot in this process
 #[derive(Debug, clap::Args)]
@@ -23,7 +24,11 @@ pub struct Args {
 /// Runs the nodes until SIGTERM.
 pub fn run(args: Args, types: &[NodeType]) -> Result<(), Failure> {
     let launch = Launch::read(&args.root)?;
-    let robot = launch.robot(types)?;
+    let mut robot = launch.robot(types)?;
+    // Before there is a second thread, and before anything of the node itself is run.
+    if let Some(confined) = isolation::confine(&mut robot, &args.nodes, &args.root) {
+        eprintln!("{confined}");
+    }
     let options = LiveOptions {
         root: args.root,
         seed: launch.seed,

@@ -5,10 +5,11 @@ use crate::launch::Launch;
 use crate::load::{self, Changes};
 use crate::view;
 use runtime::channel::Tree;
-use runtime::robot::{Graph, RecordTable, Robot};
-use runtime::{NodeType, clock};
+use runtime::robot::{Graph, Isolate, RecordTable, Robot};
+use runtime::{Layer, NodeType, TWINS, clock};
 use std::path::PathBuf;
 use std::sync::mpsc;
+use supervisor::isolation::{self, IDENTITY, Ownership};
 use supervisor::{Care, Crew, Front, Outcome, Plan, Program, Restart, RobotPlan, StopHandle};
 
 /// Runs a robot: every node as a supervised process of its own
@@ -59,6 +60,9 @@ pub fn run(mut args: Args, types: &[NodeType]) -> Result<(), Failure> {
         eprintln!("warning: {warning}");
     }
     warn_of_refused_real_time(&robot);
+    for line in isolation::warnings(&robot) {
+        eprintln!("warning: {line}");
+    }
     let stop = StopHandle::new()?;
     let (reports, inbox) = mpsc::channel();
     let root = plan(&robot)?.root;
@@ -98,6 +102,12 @@ pub fn run(mut args: Args, types: &[NodeType]) -> Result<(), Failure> {
 pub(super) fn fill(root: &std::path::Path, launch: &Launch, graph: &Graph) -> Result<(), String> {
     launch.write(root).map_err(|e| e.message)?;
     let tree = Tree::shared(root).map_err(|e| e.to_string())?;
+    if graph.nodes.iter().any(|node| node.spec.isolate == Isolate::Strict) {
+        // Where driver and twin meet: the twin must not be able to write among the supervisor's files.
+        for node in graph.nodes.iter().filter(|node| node.spec.kind.layer == Layer::Drivers) {
+            std::fs::create_dir_all(root.join(TWINS).join(&node.spec.instance)).map_err(|e| e.to_string())?;
+        }
+    }
     for node in &graph.nodes {
         for written in &node.writes {
             tree.prepare(&written.path, &written.geometry).map_err(|e| e.to_string())?;
@@ -113,6 +123,7 @@ pub(super) fn fill(root: &std::path::Path, launch: &Launch, graph: &Graph) -> Re
 pub(super) fn plan(robot: &Robot) -> Result<Plan, Failure> {
     let program = std::env::current_exe()?;
     let root = supervisor::root_folder(&robot.name);
+    let ownership = Ownership::of(robot);
     let RobotPlan { mut crews, mut supervision, commands, paths } = RobotPlan::of(robot);
     let programs = crews.iter().zip(&supervision.nodes).map(|(crew, care)| {
         let mut argv = vec![program.clone().into_os_string(), "node".into(), "--root".into(), root.clone().into()];
@@ -120,6 +131,8 @@ pub(super) fn plan(robot: &Robot) -> Result<Plan, Failure> {
         let mut program = Program::new(crew.name.clone(), argv);
         program.beats = crew.nodes.len();
         program.rule = care.rule;
+        let identity = ownership.as_ref().and_then(|ownership| ownership.of_process(&crew.paths));
+        program.env.extend(identity.map(|identity| (IDENTITY.into(), identity.to_word().into())));
         program
     });
     let mut programs: Vec<Program> = programs.collect();
@@ -132,8 +145,10 @@ pub(super) fn plan(robot: &Robot) -> Result<Plan, Failure> {
     Ok(Plan {
         supervision: Some(supervision),
         crews,
+        tasks: supervisor::node_tasks(robot),
         commands,
         awaited: paths,
+        ownership,
         ..Plan::new(robot.name.clone(), programs)
     })
 }

@@ -1,4 +1,5 @@
-//! `sinew start`, `sinew stop`, `sinew restart`, `sinew replace`: one node of a running robot.
+//! `sinew start`, `sinew stop`, `sinew restart`, `sinew replace`: one node of a running robot; `sinew clear`: what holds
+//! all of it back.
 
 use crate::exit::{FAILED, Failure, USAGE};
 use crate::live::Which;
@@ -38,6 +39,39 @@ pub fn replace(args: &ReplaceArgs) -> Result<(), Failure> {
         return Err(Failure::new(USAGE, reason));
     };
     ask(&args.steer, "replace", &format!(" {program}"))
+}
+
+/// Ends what holds a robot back once its cause is gone: limp mode and hold that wait for a person
+#[derive(Debug, clap::Args)]
+pub struct ClearArgs {
+    #[command(flatten)]
+    which: Which,
+    /// Prints one JSON object
+    #[arg(long)]
+    json: bool,
+}
+
+/// A person says that all is well again.
+pub fn clear(args: &ClearArgs) -> Result<(), Failure> {
+    let robot = args.which.find()?;
+    let answer = supervisor::ask(&robot.folder, "clear", ANSWER_WITHIN_S).map_err(Failure::from)?;
+    let answer: Value = serde_json::from_str(&answer)?;
+    if let Some(reason) = answer["error"].as_str() {
+        return Err(Failure::new(FAILED, format!("robot \"{}\": {reason}", robot.name)));
+    }
+    let ended = answer["ended"].as_u64().unwrap_or(0);
+    let stays: Vec<&str> = answer["stays"].as_array().into_iter().flatten().filter_map(Value::as_str).collect();
+    let mut out = Out::stdout();
+    match args.json {
+        true => out.json(&json!({"robot": robot.name, "ended": ended, "stays": stays, "ok": true}))?,
+        false => {
+            out.line(format!("robot \"{}\": {ended} causes ended, {} stay", robot.name, stays.len()))?;
+            for cause in stays {
+                out.line(format!("  {cause}"))?;
+            }
+        }
+    }
+    out.flush()
 }
 
 /// How long the supervisor may take to answer [s].

@@ -139,3 +139,33 @@ fn driving_needs_a_terminal() {
     assert_eq!(said.code, Some(2), "{said:?}");
     assert!(said.err.contains("drive needs a terminal"), "{said:?}");
 }
+
+#[test]
+fn a_user_that_does_not_exist_is_refused_with_its_place_and_what_to_do() {
+    let place = Place::new("check-user");
+    let text = "[robot]\nname = \"x\"\n[nodes.a]\ntype = \"arbiter\"\nperiod_ms = 100\nreads.proposals = \"/actions/*/proposal\"\n\
+                isolate = \"strict\"\nuser = \"no_such_user\"\n";
+    let file = robot_file(&place, "robot.toml", text);
+    for command in ["check", "run"] {
+        let said = place.sinew(&[command, &file]);
+        assert_eq!(said.code, Some(4), "{said:?}");
+        assert!(said.err.contains(&format!("{file}:8:")), "{said:?}");
+        assert!(said.err.contains("there is no user \"no_such_user\" on this machine"), "{said:?}");
+        assert!(said.err.contains("leave `user` out") && said.err.contains("useradd --system"), "{said:?}");
+    }
+}
+
+#[test]
+fn nodes_of_one_process_are_isolated_alike() {
+    let place = Place::new("check-process");
+    let node = |name: &str, isolate: &str| {
+        format!(
+            "[nodes.{name}]\ntype = \"arbiter\"\nperiod_ms = 100\nreads.proposals = \"/actions/*/proposal\"\n\
+             process = \"both\"\nisolate = \"{isolate}\"\n"
+        )
+    };
+    let text = format!("[robot]\nname = \"x\"\n{}{}", node("a", "strict"), node("b", "none"));
+    let said = place.sinew(&["check", &robot_file(&place, "robot.toml", &text)]);
+    assert_eq!(said.code, Some(4), "{said:?}");
+    assert!(said.err.contains("one process has one user"), "{said:?}");
+}

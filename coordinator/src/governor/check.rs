@@ -14,7 +14,7 @@ pub fn contradictions(robot: &Robot) -> Vec<String> {
         let state = governor.port_path("state");
         let follows = |node: &&NodeSpec| node.reads.get("governor").is_some_and(|wire| wire.from.contains(&state));
         let mut followers = of_type(Arbiter::TYPE).filter(follows).peekable();
-        if followers.peek().is_none() {
+        if followers.peek().is_none() && !governs_periods_alone(governor) {
             all.push(format!(
                 "nobody follows [nodes.{}]: add reads.governor = \"{state}\" to the arbiter",
                 governor.instance
@@ -22,6 +22,12 @@ pub fn contradictions(robot: &Robot) -> Vec<String> {
         }
         // Settings that cannot be read are told when the node opens.
         let Ok(rules) = GovernorConfig::deserialize(governor.config.clone()) else { continue };
+        for (index, rule) in rules.rules.iter().enumerate() {
+            let places = rule.periods_ms.iter().filter_map(|(name, ms)| Some((name, period(robot, name, *ms)?)));
+            all.extend(places.map(|(name, why)| {
+                format!("[nodes.{}] config.rules[{index}].periods_ms.{name}: {why}", governor.instance)
+            }));
+        }
         for follower in followers {
             let Ok(modes) = ArbiterConfig::deserialize(follower.config.clone()) else { continue };
             let names: Vec<&str> = modes.modes.iter().map(|mode| mode.name.as_str()).collect();
@@ -39,4 +45,22 @@ pub fn contradictions(robot: &Robot) -> Vec<String> {
         }
     }
     all
+}
+
+/// Whether the governor has no rule, and so no mode to be followed in.
+fn governs_periods_alone(governor: &NodeSpec) -> bool {
+    GovernorConfig::deserialize(governor.config.clone()).is_ok_and(|config| config.rules.is_empty())
+}
+
+/// What is wrong with a rule's period of `ms` for the node `name`.
+fn period(robot: &Robot, name: &str, ms: f64) -> Option<String> {
+    let Some(node) = robot.nodes.iter().find(|node| node.instance == name) else {
+        return Some("the robot has no such node".to_owned());
+    };
+    let bounds = node.period_ns.zip(node.longest_period_ns).filter(|(shortest, longest)| shortest < longest);
+    let Some((shortest, longest)) = bounds else {
+        return Some(format!("[nodes.{name}] has no period that gives way: write period_ms = {{ min = …, max = … }}"));
+    };
+    let (least, most) = (shortest as f64 * 1e-6, longest as f64 * 1e-6);
+    (!(least..=most).contains(&ms)).then(|| format!("{ms} ms lies outside its period_ms of {least} to {most} ms"))
 }

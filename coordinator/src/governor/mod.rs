@@ -15,21 +15,28 @@
 //! reads.governor = "/coordinator/governor/state"
 //! ```
 //!
+//! A rule may ask for periods beside its mode, `periods_ms = { tracks = 200 }`, within the `period_ms = { min, max }` of
+//! those nodes. Where the processors are too few for all, periods are stretched, the least important nodes first, then
+//! nodes are suspended, then the robot limps ([`overload`]; `config.load` says how). Hosts keep to what is announced.
+//!
 //! Reads `motion`, `base`, `room` and `goal` as far as they are wired, and what the supervisor says; writes `state`: the
-//! mode, the rule that asks for it, and in words why. A rule that speaks of a signal whose port is not wired is refused
+//! mode, the rule that asks for it, and in words why; and `periods`: which nodes have not their own period. A rule that speaks of a signal whose port is not wired is refused
 //! when the node opens; one of a mode that the arbiter does not have, when the robot file is read. Signals are in
 //! [`signal::Signal`], conditions in [`condition`], first match and dwell times in [`rules`].
 
 pub mod check;
 pub mod condition;
+pub mod demand;
 pub mod elastic;
+pub mod overload;
 pub mod rules;
 pub mod signal;
 
-use messages::{BaseState, GotoProgress, GotoState, Governance, Message, MotionState, Room, Stop};
-use messages::{SupervisorState, path_number};
+use messages::{BaseState, GotoProgress, GotoState, Governance, Load, Message, MotionState, NodePeriod, Periods, Room};
+use messages::{Stop, SupervisorState, path_number};
+use overload::{LoadConfig, Overload};
 use rules::{RuleConfig, Rules};
-use runtime::{Fault, Layer, Node, OpenError, Ports, Reader, Time, Writer};
+use runtime::{Fault, GOVERNOR, LOAD_NODES, Layer, Node, OpenError, PERIODS, Ports, Reader, Time, Writer};
 use schemars::JsonSchema;
 use serde::Deserialize;
 use signal::{Signal, Signals};
@@ -44,8 +51,10 @@ const LONGEST_REASON: usize = 512;
 #[derive(Debug, Clone, PartialEq, Default, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct GovernorConfig {
-    /// The rules; the first one that holds is obeyed.
+    /// The rules; the first one that holds is obeyed. May be left out where `load` is given.
     pub rules: Vec<RuleConfig>,
+    /// How the processors are shared out.
+    pub load: Option<LoadConfig>,
 }
 
 /// The node.
@@ -56,19 +65,28 @@ pub struct Governor {
     room: Reader<Room>,
     goal: Reader<GotoProgress>,
     state: Writer<Governance>,
+    periods: Writer<Periods>,
+    load: Reader<Load>,
+    /// Newest sample of the load that was looked at.
+    looked: (u64, u64),
+    overload: Overload,
+    given: Vec<NodePeriod>,
     rules: Rules,
     decisions: u64,
     reason: String,
+    told: String,
     full_speed_m_s: f64,
 }
 
 impl Node for Governor {
-    const TYPE: &'static str = "governor";
+    const TYPE: &'static str = GOVERNOR;
     const LAYER: Layer = Layer::Coordinator;
     type Config = GovernorConfig;
 
     fn open(ports: &mut Ports, config: GovernorConfig) -> Result<Governor, OpenError> {
-        if config.rules.is_empty() {
+        let load = config.load.clone().unwrap_or_default();
+        load.check().map_err(OpenError::config)?;
+        if config.rules.is_empty() && config.load.is_none() {
             return Err(OpenError::config(
                 "rules is empty: give at least one, as in { when = \"always\", mode = \"…\" }",
             ));
@@ -81,9 +99,15 @@ impl Node for Governor {
             room: asked(ports, &rules, "room")?,
             goal: asked(ports, &rules, "goal")?,
             state: ports.writer_with_tail("state", LONGEST_REASON)?,
+            periods: ports.writer_with_tail(PERIODS, LOAD_NODES)?,
+            load: ports.load(),
+            looked: (0, 0),
+            overload: Overload::new(load, LOAD_NODES, LONGEST_REASON / 2),
+            given: Vec::with_capacity(LOAD_NODES),
             rules,
             decisions: 0,
-            reason: String::with_capacity(LONGEST_REASON),
+            reason: String::with_capacity(LONGEST_REASON / 2),
+            told: String::with_capacity(LONGEST_REASON),
             full_speed_m_s: ports.body().max_forward_m_s,
         })
     }
@@ -97,8 +121,17 @@ impl Node for Governor {
             }
         }
         let (rule, mode) = self.rules.present().map_or((0, 0), |(index, rule)| (index as u32, path_number(&rule.mode)));
-        let state = Governance { decisions: self.decisions, rule, mode };
-        self.state.write_with_tail(now, &state, self.reason.as_bytes());
+        self.share_out(now);
+        self.told.clear();
+        self.told.push_str(&self.reason);
+        if self.overload.decisions() > 0 {
+            // Half the room each, but for the sign between them.
+            let room = self.told.capacity();
+            let between = if self.told.is_empty() { "" } else { "; " };
+            let _ = write!(Bounded { text: &mut self.told, room }, "{between}{}", self.overload.reason());
+        }
+        let state = Governance { decisions: self.decisions, rule, mode, period_decisions: self.overload.decisions() };
+        self.state.write_with_tail(now, &state, self.told.as_bytes());
         Ok(())
     }
 }
@@ -110,6 +143,22 @@ fn asked<M: Message>(ports: &mut Ports, rules: &Rules, port: &'static str) -> Re
 }
 
 impl Governor {
+    /// Decides on periods when there is news of the load, and announces them.
+    fn share_out(&mut self, now: Time) {
+        let asked = self.rules.present().map_or(&[][..], |(_, rule)| &rule.periods_s);
+        if let Some(load) = self.load.latest()
+            && self.looked != (load.generation, load.sequence)
+        {
+            self.looked = (load.generation, load.sequence);
+            self.overload.look(load.stamp, load.message, load.tail, asked);
+        }
+        self.given.clear();
+        self.given.extend(self.overload.given().take(LOAD_NODES));
+        let (decisions, shortage) = (self.overload.decisions(), self.overload.shortage() as u32);
+        let periods = Periods { decisions, shortage, nodes: self.given.len() as u32 };
+        self.periods.write_with_tail(now, &periods, &self.given);
+    }
+
     fn look(&mut self, now: Time) -> Signals {
         let flag = |is: bool| f64::from(u8::from(is));
         let mut signals = Signals::default();

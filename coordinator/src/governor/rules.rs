@@ -9,6 +9,7 @@ use super::signal::Signals;
 use runtime::Time;
 use schemars::JsonSchema;
 use serde::Deserialize;
+use std::collections::BTreeMap;
 
 /// One rule of the robot file.
 #[derive(Debug, Clone, PartialEq, Deserialize, JsonSchema)]
@@ -21,6 +22,9 @@ pub struct RuleConfig {
     /// How long its mode stays at least, unless a rule above it holds [s].
     #[serde(default = "dwell_s")]
     pub dwell_s: f64,
+    /// Periods of nodes while it is obeyed, by instance name, within their `period_ms = { min, max }` [ms].
+    #[serde(default)]
+    pub periods_ms: BTreeMap<String, f64>,
 }
 
 fn dwell_s() -> f64 {
@@ -34,6 +38,8 @@ pub struct Rule {
     pub when: Condition,
     /// The mode that it asks for.
     pub mode: String,
+    /// Periods that it asks for, by instance name [s].
+    pub periods_s: Vec<(String, f64)>,
     dwell_s: f64,
 }
 
@@ -68,7 +74,11 @@ impl Rules {
                      put the narrower one first, or take one out"
                 ));
             }
-            rules.push(Rule { when, mode: row.mode.clone(), dwell_s: row.dwell_s });
+            if let Some((node, ms)) = row.periods_ms.iter().find(|(_, ms)| !(ms.is_finite() && **ms > 0.0)) {
+                return Err(format!("rules[{index}].periods_ms.{node} = {ms} must be a number above 0"));
+            }
+            let periods_s = row.periods_ms.iter().map(|(node, ms)| (node.clone(), ms / 1e3)).collect();
+            rules.push(Rule { when, mode: row.mode.clone(), periods_s, dwell_s: row.dwell_s });
         }
         Ok(Rules { rules, present: None })
     }
@@ -108,7 +118,7 @@ mod tests {
     use proptest::prelude::*;
 
     fn rule(when: &str, mode: &str) -> RuleConfig {
-        RuleConfig { when: when.into(), mode: mode.into(), dwell_s: 2.0 }
+        RuleConfig { when: when.into(), mode: mode.into(), dwell_s: 2.0, periods_ms: BTreeMap::new() }
     }
 
     fn table() -> Vec<RuleConfig> {
@@ -167,6 +177,7 @@ mod tests {
             (rule("danger > 0.7 and limp >= 1", "crawl"), "never matches"),
             (rule("danger > 1.5", "crawl"), "can never hold"),
             (rule("always", ""), "must have 1 to 31 bytes"),
+            (RuleConfig { periods_ms: [("a".into(), 0.0)].into(), ..rule("always", "crawl") }, "periods_ms.a = 0"),
             (RuleConfig { dwell_s: f64::NAN, ..rule("always", "crawl") }, "dwell_s = NaN"),
         ] {
             let said = Rules::parse(&[rule("danger > 0.6", "avoid"), second], 31).unwrap_err();

@@ -15,11 +15,13 @@ pub mod clock;
 pub mod conformance;
 pub mod framer;
 pub mod model;
-mod node;
 mod phases;
 pub mod protocol;
 pub mod session;
 pub mod settings;
 
-pub use node::Lms200;
 pub use settings::Lms200Config;
+
+/// The node `lms200`. The laser has no clock but its mirror: stamps are arrivals less what line and mirror take, made even
+/// (see [`clock`]); a scan's `sensor_time_s` is NaN.
+pub type Lms200 = crate::laser::Scanner<session::Session>;

@@ -5,12 +5,11 @@ use super::framer::Framer;
 use super::model::{CONFIG, MEASURING_MODE, Scale, Status, UNIT, Variant, is_error, is_remarkable};
 use super::protocol::{MAX_VALUES, OVERHEAD, Scan, Unit, command, mode};
 use super::session::{Event, Port, Request, SessionConfig};
-use crate::contact::Contact;
+use crate::laser::News;
+use crate::laser::talk::Talk;
 use messages::{Echo, Link, ScanBeam};
 use runtime::Time;
 
-/// Time before a laser that cannot be used is asked again [s].
-const PAUSE_S: f64 = 5.0;
 /// Times that a refused telegram is sent again.
 const REPEATS: u8 = 2;
 /// Pause within a telegram after which its rest will not come, beside the time of a byte [s].
@@ -63,27 +62,15 @@ impl Phase {
 #[derive(Debug, Clone)]
 pub struct Core {
     config: SessionConfig,
-    pub contact: Contact,
+    pub talk: Talk<Request>,
     pub phase: Phase,
     pub clock: MirrorClock,
-    pub status: u8,
-    pub is_faulty: bool,
-    pub connections: u32,
-    pub scans: u32,
-    pub damaged: u32,
     pub last_bytes: Time,
-    /// What waits to be sent, and what was sent and is not answered.
-    waiting: Option<Request>,
-    asked: Option<Request>,
-    deadline: Time,
-    last_scan: Time,
     variant: Variant,
     scale: Scale,
     /// The configuration as the laser has told it.
     told: Option<[u8; CONFIG]>,
-    /// An answer came since the beginning; scans that do not fit since the last one that does.
-    heard: bool,
-    misfits: u32,
+    /// Times that the present question has been sent again.
     repeats: u8,
     /// The framer's counts when the last request went out: acknowledged, refused, junk.
     answers: (u64, u64),
@@ -95,25 +82,14 @@ impl Core {
     /// In [`Phase::Down`].
     pub fn new(config: SessionConfig) -> Core {
         Core {
-            contact: Contact::new(config.line_baud, config.hunt_bauds.clone()),
+            talk: Talk::new(config.line_baud, config.hunt_bauds.clone()),
             config,
             phase: Phase::Down,
             clock: MirrorClock::default(),
-            status: 0,
-            is_faulty: false,
-            connections: 0,
-            scans: 0,
-            damaged: 0,
             last_bytes: Time::ZERO,
-            waiting: None,
-            asked: None,
-            deadline: Time::ZERO,
-            last_scan: Time::ZERO,
             variant: Variant::default(),
             scale: Scale::of(0, Unit::Centimetre),
             told: None,
-            heard: false,
-            misfits: 0,
             repeats: 0,
             answers: (0, 0),
             junk: 0,
@@ -123,11 +99,11 @@ impl Core {
 
     /// The port's state has changed.
     pub fn port(&mut self, now: Time, port: Port) {
-        if self.contact.moved(port) {
+        if self.talk.contact.moved(port) {
             return self.begin(now);
         }
         self.phase = Phase::Down;
-        (self.waiting, self.asked, self.is_faulty) = (None, None, false);
+        self.talk.end();
     }
 
     /// Pause after which a begun telegram will not be completed [s].
@@ -137,12 +113,13 @@ impl Core {
 
     /// Time that bytes take on the line [s].
     fn line_s(&self, bytes: usize) -> f64 {
-        self.contact.baud().map_or(0.0, |baud| bytes as f64 * 10.0 / f64::from(baud.max(1)))
+        self.talk.contact.baud().map_or(0.0, |baud| bytes as f64 * 10.0 / f64::from(baud.max(1)))
     }
 
     /// From the top.
     fn begin(&mut self, now: Time) {
-        (self.heard, self.misfits, self.is_faulty, self.told) = (false, 0, false, None);
+        self.talk.begin();
+        self.told = None;
         self.clock.restart();
         self.ask(now, Phase::Quiet, &[command::MODE, mode::REQUEST]);
     }
@@ -150,33 +127,29 @@ impl Core {
     fn ask(&mut self, now: Time, phase: Phase, body: &[u8]) {
         self.phase = phase;
         self.repeats = 0;
-        (self.waiting, self.asked) = (Some(Request::new(body)), None);
-        self.deadline = now.after_s(self.config.answer_s);
+        self.talk.ask(now, Request::new(body), self.config.answer_s);
     }
 
     fn pause(&mut self, now: Time, link: Link) {
         self.phase = Phase::Pause;
-        (self.contact.link, self.waiting, self.asked) = (link, None, None);
-        self.deadline = now.after_s(PAUSE_S);
+        self.talk.pause(now, link);
     }
 
     pub fn next_request(&mut self, now: Time, framer: &Framer) -> Option<Request> {
-        let request = self.waiting.take()?;
-        self.asked = Some(request);
-        (self.answers, self.junk) = (framer.answers(), framer.skipped_bytes());
         // On a slow line a scan may have to pass first.
         let busy_s = self.line_s(2 * MAX_VALUES + 16);
-        self.deadline = now.after_s(self.config.answer_s + busy_s);
+        let request = self.talk.next_request(now, self.config.answer_s + busy_s)?;
+        (self.answers, self.junk) = (framer.answers(), framer.skipped_bytes());
         Some(request)
     }
 
-    pub fn telegram(&mut self, now: Time, arrived: Time, body: &[u8], on_event: &mut impl FnMut(Event)) {
+    pub fn telegram(&mut self, now: Time, arrived: Time, body: &[u8], on_event: &mut impl FnMut(Event<'_>)) {
         let (Some(&kind), Some(&status)) = (body.first(), body.last()) else { return };
         if matches!(self.phase, Phase::Down | Phase::Pause) {
             return;
         }
         if is_remarkable(status) {
-            self.status = status;
+            self.talk.status = u32::from(status);
         }
         if kind == command::SCAN + command::ANSWER {
             if self.phase == Phase::Running {
@@ -184,15 +157,15 @@ impl Core {
             }
             return;
         }
-        match (self.asked, kind) {
+        match (self.talk.asked(), kind) {
             // Switched on just now: what was set before is gone.
             (_, command::POWER_ON) => self.begin(now),
-            (Some(asked), _) if kind == asked.command() | command::ANSWER => {
-                self.heard = true;
+            (Some((asked, _)), _) if kind == asked.command() | command::ANSWER => {
+                self.talk.heard = true;
                 self.answer(now, body, on_event);
             }
             (Some(_), command::REFUSED) => {
-                self.heard = true;
+                self.talk.heard = true;
                 self.refused(now);
             }
             // Of an earlier stream, or for another client.
@@ -200,18 +173,16 @@ impl Core {
         }
     }
 
-    fn answer(&mut self, now: Time, body: &[u8], on_event: &mut impl FnMut(Event)) {
+    fn answer(&mut self, now: Time, body: &[u8], on_event: &mut impl FnMut(Event<'_>)) {
         let is_well = body.len() > 2 && body[1] == 0;
         match self.phase {
-            Phase::Quiet => match self.config.fast_baud.and_then(rate_mode) {
-                Some((code, baud)) if self.contact.baud().is_some_and(|now| now != baud) => {
-                    self.ask(now, Phase::Rate, &[command::MODE, code]);
-                }
-                _ => self.ask(now, Phase::Type, &[command::TYPE]),
+            Phase::Quiet => match self.talk.other_rate(self.config.fast_baud).and_then(rate_mode) {
+                Some(code) => self.ask(now, Phase::Rate, &[command::MODE, code]),
+                None => self.ask(now, Phase::Type, &[command::TYPE]),
             },
             Phase::Rate => {
                 if is_well && let Some(baud) = self.config.fast_baud {
-                    self.contact.switch(baud);
+                    self.talk.contact.switch(baud);
                 }
                 self.ask(now, Phase::Type, &[command::TYPE]);
             }
@@ -242,7 +213,7 @@ impl Core {
             Phase::Variant => self.variant(now, body),
             Phase::Stream if is_well => {
                 self.phase = Phase::Running;
-                (self.last_scan, self.status, self.is_faulty) = (now, 0, false);
+                self.talk.streams(now);
                 on_event(Event::Sweep(&self.variant.sweep(self.scale)));
             }
             Phase::Stream => self.pause(now, Link::Foreign),
@@ -323,26 +294,21 @@ impl Core {
         }
     }
 
-    fn scan(&mut self, now: Time, arrived: Time, body: &[u8], on_event: &mut impl FnMut(Event)) {
+    fn scan(&mut self, now: Time, arrived: Time, body: &[u8], on_event: &mut impl FnMut(Event<'_>)) {
         let fits = |scan: &Scan| scan.first == 0 && scan.values.len() == 2 * self.variant.count();
         let Some(scan) = Scan::parse(body).filter(fits) else {
-            self.damaged = self.damaged.saturating_add(1);
-            self.misfits = self.misfits.saturating_add(1);
-            return;
+            return self.talk.misfit();
         };
-        (self.last_scan, self.misfits) = (now, 0);
-        // Up with its first sound scan, so that one whose scans are none never looks well.
-        self.connections = self.connections.saturating_add(u32::from(self.contact.up()));
-        self.scans = self.scans.saturating_add(1);
-        self.is_faulty = is_error(scan.status);
+        self.talk.scanned(now);
+        self.talk.is_faulty = is_error(scan.status);
         if !is_remarkable(scan.status) {
-            self.status = 0;
+            self.talk.status = 0;
         }
         if scan.unit != self.scale.unit {
             self.scale.unit = scan.unit;
             on_event(Event::Sweep(&self.variant.sweep(self.scale)));
         }
-        let (scale, is_faulty) = (self.scale, self.is_faulty);
+        let (scale, is_faulty) = (self.scale, self.talk.is_faulty);
         self.beams.clear();
         self.beams.extend(scan.iter().map(|value| match is_faulty {
             false => scale.beam(value),
@@ -351,24 +317,21 @@ impl Core {
         let sweep = self.variant.sweep(scale);
         let after_s = sweep.span_s() + self.line_s(body.len() + OVERHEAD);
         let first = self.clock.scan(arrived, after_s, sweep.scan_s());
-        on_event(Event::Scan(first, &self.beams));
+        on_event(Event::Scan(News { first, sensor_time_s: f64::NAN, beams: &self.beams }));
     }
 
     /// The laser says that it cannot measure.
     fn fault(&mut self, now: Time) {
         self.pause(now, Link::Up);
-        self.is_faulty = true;
+        self.talk.is_faulty = true;
     }
 
     pub fn tick(&mut self, now: Time, framer: &Framer) {
         match self.phase {
             Phase::Down => {}
-            Phase::Running if now.since(self.last_scan) > self.config.silence_s => {
-                self.contact.link = if self.misfits > 0 { Link::Foreign } else { Link::Silent };
-                self.begin(now);
-            }
+            Phase::Running if self.talk.fell_silent(now, self.config.silence_s) => self.begin(now),
             Phase::Running => {}
-            Phase::Pause if now >= self.deadline => self.begin(now),
+            Phase::Pause if self.talk.is_over(now) => self.begin(now),
             Phase::Pause => {}
             _ => self.wait(now, framer),
         }
@@ -376,26 +339,26 @@ impl Core {
 
     /// Looks whether the request has been acknowledged or refused, and how long its answer may still take.
     fn wait(&mut self, now: Time, framer: &Framer) {
-        if self.asked.is_none() {
+        if self.talk.asked().is_none() {
             return;
         }
         let (acknowledged, refused) = framer.answers();
         let quiet = framer.skipped_bytes() <= self.junk;
         if refused > self.answers.1 && quiet && self.repeats < REPEATS {
             self.repeats += 1;
-            self.waiting = self.asked.take();
+            self.talk.ask_again();
         } else if acknowledged > self.answers.0 && quiet {
             self.answers.0 = acknowledged;
-            self.deadline = self.deadline.max(now.after_s(self.phase.patience_s()));
-        } else if now >= self.deadline {
+            self.talk.wait_on(now, self.phase.patience_s());
+        } else if self.talk.is_over(now) {
             let junk = !quiet || framer.is_inside_telegram();
-            self.contact.miss(junk && !self.heard);
+            self.talk.miss(junk);
             self.begin(now);
         }
     }
 }
 
 /// The mode that switches to a rate.
-fn rate_mode(baud: u32) -> Option<(u8, u32)> {
-    mode::BAUDS.into_iter().find(|(_, known)| *known == baud)
+fn rate_mode(baud: u32) -> Option<u8> {
+    mode::BAUDS.into_iter().find(|(_, known)| *known == baud).map(|(code, _)| code)
 }

@@ -11,6 +11,7 @@
 //! where it differs from what is wanted. A telegram that the laser acknowledges may be answered as late as the manual says:
 //! seconds; one that it refuses is sent again.
 
+pub use crate::laser::Event;
 pub use crate::port::{Demand, Port};
 
 use super::clock::MirrorClock;
@@ -18,9 +19,10 @@ use super::framer::Framer;
 use super::model::{Reach, Variant};
 use super::phases::{Core, Phase};
 use super::protocol::{MAX_REQUEST, OVERHEAD, encode};
-use crate::laser::Sweep;
-use messages::{Link, ScanBeam};
-use runtime::Time;
+use super::settings::Lms200Config;
+use crate::laser::talk::Lost;
+use messages::{LaserState, Link};
+use runtime::{Fault, Time};
 
 /// Times and habits of a session.
 #[derive(Debug, Clone)]
@@ -58,15 +60,6 @@ impl Default for SessionConfig {
     }
 }
 
-/// What came from the laser.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Event<'a> {
-    /// Scans are such from now on.
-    Sweep(&'a Sweep),
-    /// A scan: when its first beam was taken in our time, and its beams.
-    Scan(Time, &'a [ScanBeam]),
-}
-
 /// A telegram to the laser.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Request {
@@ -94,6 +87,12 @@ impl Request {
     }
 }
 
+impl AsRef<[u8]> for Request {
+    fn as_ref(&self) -> &[u8] {
+        self.as_bytes()
+    }
+}
+
 /// The connection; see the module's text.
 #[derive(Debug, Clone)]
 pub struct Session {
@@ -107,64 +106,9 @@ impl Session {
         Session { framer: Framer::new(true), core: Core::new(config) }
     }
 
-    /// Tells what the port is doing; call it before [`receive`](Session::receive).
-    pub fn port(&mut self, now: Time, port: Port) {
-        if port != self.core.contact.port() {
-            self.framer.clear();
-            self.core.port(now, port);
-        }
-    }
-
-    /// Takes bytes of which the last came at `arrived`, and hands on what they say.
-    pub fn receive(&mut self, now: Time, arrived: Time, mut bytes: &[u8], mut on_event: impl FnMut(Event)) {
-        if !bytes.is_empty() {
-            self.core.last_bytes = now;
-        }
-        while let Some(body) = self.framer.next(&mut bytes) {
-            self.core.telegram(now, arrived, body, &mut on_event);
-        }
-    }
-
-    /// Lets time pass; call it after all that has arrived was received. Says what the port should do.
-    pub fn tick(&mut self, now: Time, on_event: impl FnMut(Event)) -> Option<Demand> {
-        if self.framer.is_inside_telegram() && now.since(self.core.last_bytes) > self.core.gap_s() {
-            self.framer.give_up();
-            let last = self.core.last_bytes;
-            self.receive(now, last, &[], on_event);
-        }
-        self.core.tick(now, &self.framer);
-        self.core.contact.take_demand()
-    }
-
-    /// The telegram that goes out now, if one waits.
-    pub fn next_request(&mut self, now: Time) -> Option<Request> {
-        self.core.next_request(now, &self.framer)
-    }
-
     /// Whether scans flow.
     pub fn is_running(&self) -> bool {
         self.core.phase == Phase::Running
-    }
-
-    /// State of the link, and why there are no data.
-    pub fn link(&self) -> Link {
-        self.core.contact.link
-    }
-
-    /// The laser's last status byte that was not "all well"; 0 for none.
-    pub fn status(&self) -> u32 {
-        u32::from(self.core.status)
-    }
-
-    /// The laser has said that it cannot measure.
-    pub fn is_faulty(&self) -> bool {
-        self.core.is_faulty
-    }
-
-    /// Times that the stream began, whole scans, and damaged telegrams.
-    pub fn counts(&self) -> (u32, u32, u32) {
-        let sums = u32::try_from(self.framer.sum_errors()).unwrap_or(u32::MAX);
-        (self.core.connections, self.core.scans, self.core.damaged.saturating_add(sums))
     }
 
     /// The mirror's clock.
@@ -175,5 +119,75 @@ impl Session {
     /// The telegram finder, for its counters.
     pub fn framer(&self) -> &Framer {
         &self.framer
+    }
+}
+
+impl crate::laser::Session for Session {
+    const TYPE: &'static str = "lms200";
+    /// `20 25`: the stream ends.
+    const FAREWELL: &'static [u8] = &[0x02, 0x00, 0x02, 0x00, 0x20, 0x25, 0x35, 0x08];
+    const FOREIGN: Fault =
+        Fault::new("what answers is no laser of the wanted type, refuses the wanted mode, or its scans are none");
+    const FAULTY: Fault = Fault::new("the laser says that it cannot measure: see `status` of the state");
+    type Settings = Lms200Config;
+    type Request = Request;
+
+    fn of(settings: &Lms200Config, line_baud: Option<u32>) -> Session {
+        Session::new(settings.session(line_baud))
+    }
+
+    fn port(&mut self, now: Time, port: Port) {
+        if port != self.core.talk.contact.port() {
+            self.framer.clear();
+            self.core.port(now, port);
+        }
+    }
+
+    fn receive(&mut self, now: Time, arrived: Time, mut bytes: &[u8], mut on_event: impl FnMut(Event<'_>)) {
+        if !bytes.is_empty() {
+            self.core.last_bytes = now;
+        }
+        while let Some(body) = self.framer.next(&mut bytes) {
+            self.core.telegram(now, arrived, body, &mut on_event);
+        }
+    }
+
+    fn tick(&mut self, now: Time, on_event: impl FnMut(Event<'_>)) -> Option<Demand> {
+        if self.framer.is_inside_telegram() && now.since(self.core.last_bytes) > self.core.gap_s() {
+            self.framer.give_up();
+            let last = self.core.last_bytes;
+            self.receive(now, last, &[], on_event);
+        }
+        self.core.tick(now, &self.framer);
+        self.core.talk.contact.take_demand()
+    }
+
+    fn next_request(&mut self, now: Time) -> Option<Request> {
+        self.core.next_request(now, &self.framer)
+    }
+
+    fn link(&self) -> Link {
+        self.core.talk.contact.link
+    }
+
+    fn is_faulty(&self) -> bool {
+        self.core.talk.is_faulty
+    }
+
+    fn state(&self) -> LaserState {
+        let lost = Lost { messages: self.framer.sum_errors(), bytes: self.framer.skipped_bytes() };
+        self.core.talk.state(self.is_running(), lost, self.core.clock.jumps())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::protocol::{command, mode};
+    use super::*;
+
+    #[test]
+    fn the_farewell_is_the_telegram_that_ends_a_stream() {
+        let request = Request::new(&[command::MODE, mode::REQUEST]);
+        assert_eq!(request.as_bytes(), <Session as crate::laser::Session>::FAREWELL);
     }
 }

@@ -4,6 +4,7 @@ use super::model::{Reach, Variant};
 use super::protocol::mode;
 use super::session::SessionConfig;
 use crate::laser::Mount;
+use crate::laser::settings::{check_bauds, check_bounds, check_model, wanted_model};
 use runtime::OpenError;
 use schemars::JsonSchema;
 use serde::Deserialize;
@@ -49,30 +50,30 @@ impl Default for Lms200Config {
     }
 }
 
-impl Lms200Config {
-    /// Checks every setting; says which is wrong, why, and what would be right.
-    pub fn check(&self) -> Result<(), OpenError> {
-        let wrong = |reason: String| Err(OpenError::config(reason));
+impl crate::laser::Settings for Lms200Config {
+    fn check(&self) -> Result<(), OpenError> {
         self.mount.check()?;
-        if !(500.0..=60_000.0).contains(&self.silence_ms) {
-            return wrong(format!("silence_ms = {} is out of bounds: 500 to 60000", self.silence_ms));
-        }
+        check_bounds("silence_ms", self.silence_ms, 500.0, 60_000.0)?;
         if self.variant().is_none() {
-            return wrong(format!(
+            return Err(OpenError::config(format!(
                 "angle_deg = {} at resolution_deg = {} is no mode of this laser; it has 180 at 1 or 0.5, and 100 at 1, 0.5 or 0.25",
                 self.angle_deg, self.resolution_deg
-            ));
+            )));
         }
-        if self.model.is_empty() || self.model.len() > 24 || !self.model.is_ascii() {
-            return wrong(format!("model \"{}\" is no type; write auto, or such as LMS200", self.model));
-        }
-        let known = mode::BAUDS.map(|(_, baud)| baud);
-        if let Some(baud) = self.hunt_bauds.iter().chain(&self.fast_baud).find(|baud| !known.contains(baud)) {
-            return wrong(format!("{baud} is no rate of this laser; known: {known:?}"));
-        }
-        Ok(())
+        check_model(&self.model, "LMS200")?;
+        check_bauds(self.hunt_bauds.iter().chain(&self.fast_baud), &mode::BAUDS.map(|(_, baud)| baud))
     }
 
+    fn device(&self) -> &str {
+        &self.device
+    }
+
+    fn mount(&self) -> Mount {
+        self.mount
+    }
+}
+
+impl Lms200Config {
     /// The variant, if there is such a one.
     pub fn variant(&self) -> Option<Variant> {
         // 25, 50 and 100 are exact; whatever else is no variant.
@@ -84,7 +85,7 @@ impl Lms200Config {
     pub fn session(&self, line_baud: Option<u32>) -> SessionConfig {
         SessionConfig {
             silence_s: self.silence_ms * 1e-3,
-            model: if self.model.eq_ignore_ascii_case("auto") { String::new() } else { self.model.clone() },
+            model: wanted_model(&self.model),
             variant: self.variant(),
             reach: self.reach,
             line_baud,
@@ -98,6 +99,7 @@ impl Lms200Config {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::laser::Settings;
 
     #[test]
     fn wrong_settings_are_refused_by_name() {
@@ -113,7 +115,7 @@ mod tests {
         assert!(reason(|c| c.silence_ms = f64::NAN).contains("silence_ms"));
         assert!(reason(|c| c.fast_baud = Some(115_200)).contains("no rate"));
         assert!(reason(|c| c.hunt_bauds.push(1)).contains("no rate"));
-        assert!(reason(|c| c.model.clear()).contains("no type"));
+        assert!(reason(|c| c.model.clear()).contains("no name"));
         assert!(reason(|c| c.mount.x_m = f64::INFINITY).contains("mount.x_m"));
     }
 }

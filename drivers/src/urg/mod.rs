@@ -16,11 +16,13 @@ pub mod clock;
 pub mod conformance;
 pub mod framer;
 pub mod model;
-mod node;
 mod phases;
 pub mod protocol;
 pub mod session;
 pub mod settings;
 
-pub use node::Urg;
 pub use settings::UrgConfig;
+
+/// The node `urg`. Stamps are the scanner's own, mapped onto our clock (see [`clock`]): a scan's time stamp is taken as the
+/// instant at which the mirror passes step 0.
+pub type Urg = crate::laser::Scanner<session::Session>;

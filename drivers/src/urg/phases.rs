@@ -4,15 +4,13 @@ use super::clock::SensorClock;
 use super::model::Sensor;
 use super::protocol::{Area, Reply, Request, checked, decode, parse_scan, status};
 use super::session::{Event, Port, SessionConfig};
-use crate::contact::Contact;
-use crate::laser::MAX_BEAMS;
+use crate::laser::talk::Talk;
+use crate::laser::{MAX_BEAMS, News};
 use messages::{Link, ScanBeam};
 use runtime::Time;
 
 /// Times that the scanner's clock is asked for.
 const CLOCK_QUESTIONS: u8 = 5;
-/// Time before a scanner that cannot be used, or said that it cannot measure, is asked again [s].
-const PAUSE_S: f64 = 5.0;
 
 /// Where the connection stands: which request waits for its answer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -49,26 +47,12 @@ pub enum Phase {
 #[derive(Debug, Clone)]
 pub struct Core {
     config: SessionConfig,
+    pub talk: Talk<Request>,
     pub phase: Phase,
-    pub contact: Contact,
     pub sensor: Option<Sensor>,
     pub clock: SensorClock,
-    pub status: u32,
-    pub is_faulty: bool,
-    pub connections: u32,
-    pub scans: u32,
-    pub damaged: u32,
     pub skipped_before: u64,
-    /// What waits to be sent, and what was sent and is not answered.
-    waiting: Option<Request>,
-    asked: Option<Request>,
-    asked_at: Time,
-    deadline: Time,
-    last_scan: Time,
     area: Area,
-    heard: bool,
-    /// Messages since the last whole scan that were none.
-    misfits: u32,
     scratch: Vec<u8>,
     values: Vec<(u32, u32)>,
     beams: Vec<ScanBeam>,
@@ -78,25 +62,13 @@ impl Core {
     /// In [`Phase::Down`].
     pub fn new(config: SessionConfig) -> Core {
         Core {
-            contact: Contact::new(config.line_baud, config.hunt_bauds.clone()),
+            talk: Talk::new(config.line_baud, config.hunt_bauds.clone()),
             config,
             phase: Phase::Down,
             sensor: None,
             clock: SensorClock::default(),
-            status: 0,
-            is_faulty: false,
-            connections: 0,
-            scans: 0,
-            damaged: 0,
             skipped_before: 0,
-            waiting: None,
-            asked: None,
-            asked_at: Time::ZERO,
-            deadline: Time::ZERO,
-            last_scan: Time::ZERO,
             area: Area { start: 0, end: 0, cluster: 1 },
-            heard: false,
-            misfits: 0,
             scratch: Vec::with_capacity(MAX_BEAMS * 6),
             values: Vec::with_capacity(MAX_BEAMS),
             beams: Vec::with_capacity(MAX_BEAMS),
@@ -105,17 +77,17 @@ impl Core {
 
     /// The port's state has changed.
     pub fn port(&mut self, now: Time, port: Port, skipped: u64) {
-        if self.contact.moved(port) {
+        if self.talk.contact.moved(port) {
             return self.begin(now, skipped);
         }
         self.phase = Phase::Down;
-        (self.waiting, self.asked, self.is_faulty) = (None, None, false);
+        self.talk.end();
     }
 
     /// From the top.
     fn begin(&mut self, now: Time, skipped: u64) {
-        (self.heard, self.misfits, self.skipped_before) = (false, 0, skipped);
-        self.is_faulty = false;
+        self.talk.begin();
+        self.skipped_before = skipped;
         self.clock.restart();
         // The empty line ends what an earlier client may have left half-written.
         self.ask(now, Phase::Quiet, Request::new(b"QT"));
@@ -123,44 +95,39 @@ impl Core {
 
     fn ask(&mut self, now: Time, phase: Phase, request: Request) {
         self.phase = phase;
-        (self.waiting, self.asked) = (Some(request), None);
-        self.deadline = now.after_s(self.config.answer_s);
+        self.talk.ask(now, request, self.config.answer_s);
     }
 
     fn pause(&mut self, now: Time, link: Link) {
         self.phase = Phase::Pause;
-        (self.contact.link, self.waiting, self.asked) = (link, None, None);
-        self.deadline = now.after_s(PAUSE_S);
+        self.talk.pause(now, link);
     }
 
     pub fn next_request(&mut self, now: Time) -> Option<Request> {
-        let request = self.waiting.take()?;
-        (self.asked, self.asked_at) = (Some(request), now);
-        self.deadline = now.after_s(self.config.answer_s);
-        Some(request)
+        self.talk.next_request(now, self.config.answer_s)
     }
 
-    pub fn message(&mut self, now: Time, arrived: Time, message: &[u8], on_event: &mut impl FnMut(Event)) {
+    pub fn message(&mut self, now: Time, arrived: Time, message: &[u8], on_event: &mut impl FnMut(Event<'_>)) {
         let reply = Reply::parse(message);
         match (self.phase, reply) {
             (Phase::Down | Phase::Pause, _) => {}
             // In SCIP 1.1 statuses have no sum: whatever answers, it was heard.
             (Phase::Quiet | Phase::Dialect, _) => {
                 let line = message.split(|byte| *byte == b'\n').next().unwrap_or_default();
-                if self.asked.is_some_and(|asked| asked.line() == line) {
-                    self.heard = true;
+                if self.talk.asked().is_some_and(|(asked, _)| asked.line() == line) {
+                    self.talk.heard = true;
                     self.next_question(now);
                 }
             }
-            (_, Some(reply)) => match self.asked {
-                Some(asked) if reply.answers(asked.line()) => {
-                    self.heard = true;
-                    self.answer(now, arrived, &reply, on_event);
+            (_, Some(reply)) => match self.talk.asked() {
+                Some((asked, at)) if reply.answers(asked.line()) => {
+                    self.talk.heard = true;
+                    self.answer(now, (at, arrived), &reply, on_event);
                 }
                 // A late scan of an earlier stream, or an answer to another client.
                 _ => {}
             },
-            (_, None) => self.misfit(),
+            (_, None) => self.talk.misfit(),
         }
     }
 
@@ -170,11 +137,9 @@ impl Core {
             Phase::Quiet => self.ask(now, Phase::Dialect, Request::new(b"SCIP2.0")),
             Phase::Dialect => self.ask(now, Phase::Version, Request::new(b"VV")),
             Phase::Version => self.ask(now, Phase::Parameters, Request::new(b"PP")),
-            Phase::Parameters => match self.config.fast_baud {
-                Some(baud) if self.contact.baud().is_some_and(|line| line != baud) => {
-                    self.ask(now, Phase::Rate, Request::baud(baud));
-                }
-                _ => self.ask(now, Phase::ClockOn, Request::new(b"TM0")),
+            Phase::Parameters => match self.talk.other_rate(self.config.fast_baud) {
+                Some(baud) => self.ask(now, Phase::Rate, Request::baud(baud)),
+                None => self.ask(now, Phase::ClockOn, Request::new(b"TM0")),
             },
             Phase::Rate => self.ask(now, Phase::ClockOn, Request::new(b"TM0")),
             Phase::ClockOn => self.ask(now, Phase::Clock(1), Request::new(b"TM1")),
@@ -191,16 +156,23 @@ impl Core {
         self.ask(now, Phase::Stream, request);
     }
 
-    fn answer(&mut self, now: Time, arrived: Time, reply: &Reply, on_event: &mut impl FnMut(Event)) {
+    /// The reply to what was asked at one time and came at another.
+    fn answer(
+        &mut self,
+        now: Time,
+        (asked, arrived): (Time, Time),
+        reply: &Reply,
+        on_event: &mut impl FnMut(Event<'_>),
+    ) {
         let is_well = matches!(reply.status, status::OK | status::SCAN);
         if !is_well && !matches!(self.phase, Phase::ClockOn | Phase::ClockOff | Phase::LaserOn) {
-            self.status = u32::from(u16::from_be_bytes(reply.status));
+            self.talk.status = u32::from(u16::from_be_bytes(reply.status));
         }
         match self.phase {
             Phase::Parameters => self.parameters(now, reply),
             Phase::Rate => {
                 if is_well && let Some(baud) = self.config.fast_baud {
-                    self.contact.switch(baud);
+                    self.talk.contact.switch(baud);
                 }
                 self.next_question(now);
             }
@@ -211,12 +183,12 @@ impl Core {
             Phase::Clock(_) => {
                 let stamp = reply.lines().next().and_then(checked).filter(|line| line.len() == 4).and_then(decode);
                 if let Some(stamp) = stamp {
-                    self.clock.synchronise(stamp, self.asked_at, arrived);
+                    self.clock.synchronise(stamp, asked, arrived);
                 }
                 self.next_question(now);
             }
             Phase::LaserOn if !is_well && reply.status != status::ALREADY => {
-                self.status = u32::from(u16::from_be_bytes(reply.status));
+                self.talk.status = u32::from(u16::from_be_bytes(reply.status));
                 self.fault(now);
             }
             Phase::Stream | Phase::Running => self.scan_or_status(now, arrived, reply, on_event),
@@ -237,14 +209,13 @@ impl Core {
         }
     }
 
-    fn scan_or_status(&mut self, now: Time, arrived: Time, reply: &Reply, on_event: &mut impl FnMut(Event)) {
+    fn scan_or_status(&mut self, now: Time, arrived: Time, reply: &Reply, on_event: &mut impl FnMut(Event<'_>)) {
         let Some(sensor) = self.sensor else { return };
         match reply.status {
             status::OK => {
                 self.phase = Phase::Running;
-                self.last_scan = now;
-                (self.status, self.is_faulty) = (0, false);
-                on_event(Event::Connected(&sensor, self.area));
+                self.talk.streams(now);
+                on_event(Event::Sweep(&sensor.sweep(&self.area)));
             }
             status::SCAN if self.phase == Phase::Running => {
                 self.values.resize(self.area.count(), (0, 0));
@@ -253,56 +224,46 @@ impl Core {
                     Ok(stamp) => {
                         self.beams.clear();
                         self.beams.extend(self.values.iter().map(|(value, intensity)| sensor.beam(*value, *intensity)));
-                        self.last_scan = now;
-                        // Up with its first sound scan, so that one whose scans are none never looks well.
-                        self.connections = self.connections.saturating_add(u32::from(self.contact.up()));
-                        self.scans = self.scans.saturating_add(1);
-                        (self.is_faulty, self.misfits) = (false, 0);
+                        self.talk.scanned(now);
+                        self.talk.is_faulty = false;
                         let span_s = sensor.delay_s(self.area.end);
                         let (begun, sensor_time_s) = self.clock.scan(stamp, arrived, span_s);
                         let first_s = sensor.delay_s(self.area.start);
-                        on_event(Event::Scan(begun.after_s(first_s), sensor_time_s + first_s, &self.beams));
+                        on_event(Event::Scan(News {
+                            first: begun.after_s(first_s),
+                            sensor_time_s: sensor_time_s + first_s,
+                            beams: &self.beams,
+                        }));
                     }
-                    Err(_) => self.misfit(),
+                    Err(_) => self.talk.misfit(),
                 }
             }
             status::SCAN => {}
             status::LASER_OFF => self.ask(now, Phase::LaserOn, Request::new(b"BM")),
             status::RESUMED => self.ask_for_scans(now),
             // Stopped to verify itself: 98 follows, or a fault.
-            [b'2'..=b'4', _] => {
-                (self.is_faulty, self.last_scan) = (true, now);
-            }
+            [b'2'..=b'4', _] => self.talk.is_busy(now),
             [b'5'..=b'9', _] => self.fault(now),
             // Our request is refused: something else than a SCIP 2.0 scanner.
             _ => self.pause(now, Link::Foreign),
         }
     }
 
-    /// A message that is damaged, or says what it cannot say.
-    fn misfit(&mut self) {
-        self.damaged = self.damaged.saturating_add(1);
-        self.misfits = self.misfits.saturating_add(1);
-    }
-
     /// The scanner says that it cannot measure.
     fn fault(&mut self, now: Time) {
         self.pause(now, Link::Up);
-        self.is_faulty = true;
+        self.talk.is_faulty = true;
     }
 
     pub fn tick(&mut self, now: Time, junk: bool, skipped: u64) {
         match self.phase {
             Phase::Down => {}
-            Phase::Running if now.since(self.last_scan) > self.config.silence_s => {
-                self.contact.link = if self.misfits > 0 { Link::Foreign } else { Link::Silent };
-                self.begin(now, skipped);
-            }
+            Phase::Running if self.talk.fell_silent(now, self.config.silence_s) => self.begin(now, skipped),
             Phase::Running => {}
-            Phase::Pause if now >= self.deadline => self.begin(now, skipped),
+            Phase::Pause if self.talk.is_over(now) => self.begin(now, skipped),
             // Some scanners answer QT only in SCIP 2.0.
-            Phase::Quiet if now >= self.deadline => self.next_question(now),
-            _ if now >= self.deadline && self.phase != Phase::Pause => self.miss(now, junk, skipped),
+            Phase::Quiet if self.talk.is_over(now) => self.next_question(now),
+            _ if self.talk.is_over(now) && self.phase != Phase::Pause => self.miss(now, junk, skipped),
             _ => {}
         }
     }
@@ -310,7 +271,7 @@ impl Core {
     /// An answer did not come.
     fn miss(&mut self, now: Time, junk: bool, skipped: u64) {
         // Junk alone: something else lives there.
-        self.contact.miss(junk && !self.heard);
+        self.talk.miss(junk);
         self.begin(now, skipped);
     }
 }

@@ -10,6 +10,8 @@ pub const BLOCK: usize = 64;
 pub const MAX_REQUEST: usize = 64;
 /// A stamp counts milliseconds in this many bits.
 pub const STAMP_BITS: u32 = 24;
+/// Rates that serial scanners know [baud].
+pub const BAUDS: [u32; 6] = [19_200, 57_600, 115_200, 250_000, 500_000, 750_000];
 /// The TCP port of the Ethernet models.
 pub const TCP_PORT: u16 = 10940;
 
@@ -197,6 +199,12 @@ impl Request {
         self.bytes[self.length] = b'\n';
         self.length += 1;
         self
+    }
+}
+
+impl AsRef<[u8]> for Request {
+    fn as_ref(&self) -> &[u8] {
+        self.as_bytes()
     }
 }
 

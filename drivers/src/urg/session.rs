@@ -7,15 +7,18 @@
 //!                     └──────────────────────────────────────────────────────────────────────┘
 //! ```
 
+pub use crate::laser::Event;
 pub use crate::port::{Demand, Port};
 
 use super::clock::SensorClock;
 use super::framer::Framer;
 use super::model::Sensor;
 use super::phases::{Core, Phase};
-use super::protocol::{Area, Coding, Request};
-use messages::{Link, ScanBeam};
-use runtime::Time;
+use super::protocol::{Coding, Request};
+use super::settings::UrgConfig;
+use crate::laser::talk::Lost;
+use messages::{LaserState, Link};
+use runtime::{Fault, Time};
 
 /// Times and habits of a session.
 #[derive(Debug, Clone)]
@@ -66,15 +69,6 @@ impl SessionConfig {
     }
 }
 
-/// What came from the scanner.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Event<'a> {
-    /// The stream has begun: what measures, and which area.
-    Connected(&'a Sensor, Area),
-    /// A scan: when its turn passed step 0 in our time and the scanner's [s], and its beams.
-    Scan(Time, f64, &'a [ScanBeam]),
-}
-
 /// The connection; see the module's text.
 #[derive(Debug, Clone)]
 pub struct Session {
@@ -88,61 +82,14 @@ impl Session {
         Session { framer: Framer::new(), core: Core::new(config) }
     }
 
-    /// Tells what the port is doing; call it before [`receive`](Session::receive).
-    pub fn port(&mut self, now: Time, port: Port) {
-        if port != self.core.contact.port() {
-            self.framer.clear();
-            self.core.port(now, port, self.framer.skipped_bytes());
-        }
-    }
-
-    /// Takes bytes of which the last came at `arrived`, and hands on what they say.
-    pub fn receive(&mut self, now: Time, arrived: Time, mut bytes: &[u8], mut on_event: impl FnMut(Event)) {
-        while let Some(message) = self.framer.next(&mut bytes) {
-            self.core.message(now, arrived, message, &mut on_event);
-        }
-    }
-
-    /// Lets time pass; call it after all that has arrived was received. Says what the port should do.
-    pub fn tick(&mut self, now: Time) -> Option<Demand> {
-        let junk = self.framer.skipped_bytes() > self.core.skipped_before || self.framer.is_inside_message();
-        self.core.tick(now, junk, self.framer.skipped_bytes());
-        self.core.contact.take_demand()
-    }
-
-    /// The request that goes out now, if one waits.
-    pub fn next_request(&mut self, now: Time) -> Option<Request> {
-        self.core.next_request(now)
-    }
-
     /// Whether scans flow.
     pub fn is_running(&self) -> bool {
         self.core.phase == Phase::Running
     }
 
-    /// State of the link, and why there are no data.
-    pub fn link(&self) -> Link {
-        self.core.contact.link
-    }
-
-    /// The scanner's last status that was not "all well", as its two characters; 0 for none.
-    pub fn status(&self) -> u32 {
-        self.core.status
-    }
-
-    /// The scanner has said that it cannot measure for now.
-    pub fn is_faulty(&self) -> bool {
-        self.core.is_faulty
-    }
-
     /// Who answered last.
     pub fn sensor(&self) -> Option<&Sensor> {
         self.core.sensor.as_ref()
-    }
-
-    /// Times that the stream began, whole scans, and damaged messages.
-    pub fn counts(&self) -> (u32, u32, u32) {
-        (self.core.connections, self.core.scans, self.core.damaged)
     }
 
     /// The scanner's clock.
@@ -153,5 +100,55 @@ impl Session {
     /// The message finder, for its counters.
     pub fn framer(&self) -> &Framer {
         &self.framer
+    }
+}
+
+impl crate::laser::Session for Session {
+    const TYPE: &'static str = "urg";
+    /// The laser goes off and the stream ends.
+    const FAREWELL: &'static [u8] = b"\nQT\n";
+    const FOREIGN: Fault = Fault::new("what answers is no scanner of the wanted model, or measures nothing");
+    const FAULTY: Fault = Fault::new("the scanner says that it cannot measure: see `status` of the state");
+    type Settings = UrgConfig;
+    type Request = Request;
+
+    fn of(settings: &UrgConfig, line_baud: Option<u32>) -> Session {
+        Session::new(settings.session(line_baud))
+    }
+
+    fn port(&mut self, now: Time, port: Port) {
+        if port != self.core.talk.contact.port() {
+            self.framer.clear();
+            self.core.port(now, port, self.framer.skipped_bytes());
+        }
+    }
+
+    fn receive(&mut self, now: Time, arrived: Time, mut bytes: &[u8], mut on_event: impl FnMut(Event<'_>)) {
+        while let Some(message) = self.framer.next(&mut bytes) {
+            self.core.message(now, arrived, message, &mut on_event);
+        }
+    }
+
+    fn tick(&mut self, now: Time, _on_event: impl FnMut(Event<'_>)) -> Option<Demand> {
+        let junk = self.framer.skipped_bytes() > self.core.skipped_before || self.framer.is_inside_message();
+        self.core.tick(now, junk, self.framer.skipped_bytes());
+        self.core.talk.contact.take_demand()
+    }
+
+    fn next_request(&mut self, now: Time) -> Option<Request> {
+        self.core.next_request(now)
+    }
+
+    fn link(&self) -> Link {
+        self.core.talk.contact.link
+    }
+
+    fn is_faulty(&self) -> bool {
+        self.core.talk.is_faulty
+    }
+
+    fn state(&self) -> LaserState {
+        let lost = Lost { messages: 0, bytes: self.framer.skipped_bytes() };
+        self.core.talk.state(self.is_running(), lost, self.core.clock.jumps())
     }
 }

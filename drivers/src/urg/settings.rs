@@ -1,14 +1,13 @@
 //! The node's settings in the robot file, and their bounds.
 
 use super::model;
+use super::protocol::BAUDS;
 use super::session::SessionConfig;
 use crate::laser::Mount;
+use crate::laser::settings::{check_bauds, check_bounds, check_model, wanted_model};
 use runtime::OpenError;
 use schemars::JsonSchema;
 use serde::Deserialize;
-
-/// Rates that SCIP scanners know [baud].
-const BAUDS: [u32; 6] = [19_200, 57_600, 115_200, 250_000, 500_000, 750_000];
 
 /// Settings of a SCIP 2.0 scanner.
 #[derive(Debug, Clone, PartialEq, Deserialize, JsonSchema)]
@@ -57,10 +56,8 @@ impl Default for UrgConfig {
     }
 }
 
-impl UrgConfig {
-    /// Checks every setting; says which is wrong, why, and what would be right.
-    pub fn check(&self) -> Result<(), OpenError> {
-        let wrong = |reason: String| Err(OpenError::config(reason));
+impl crate::laser::Settings for UrgConfig {
+    fn check(&self) -> Result<(), OpenError> {
         self.mount.check()?;
         for (name, value, least, most) in [
             ("from_deg", self.from_deg, -180.0, 180.0),
@@ -69,28 +66,32 @@ impl UrgConfig {
             ("cluster", f64::from(self.cluster), 1.0, 99.0),
             ("skip", f64::from(self.skip), 0.0, 9.0),
         ] {
-            if !(least..=most).contains(&value) {
-                return wrong(format!("{name} = {value} is out of bounds: {least} to {most}"));
-            }
+            check_bounds(name, value, least, most)?;
         }
         if self.from_deg >= self.to_deg {
-            return wrong(format!("from_deg = {} must lie right of to_deg = {}", self.from_deg, self.to_deg));
+            let text = format!("from_deg = {} must lie right of to_deg = {}", self.from_deg, self.to_deg);
+            return Err(OpenError::config(text));
         }
-        if self.model.is_empty() || self.model.len() > 24 || !self.model.is_ascii() {
-            let known: Vec<&str> = model::MODELS.iter().map(|(name, ..)| *name).collect();
-            return wrong(format!("model \"{}\" is no name; write auto, or such as {}", self.model, known.join(", ")));
-        }
-        if let Some(baud) = self.hunt_bauds.iter().chain(&self.fast_baud).find(|baud| !BAUDS.contains(baud)) {
-            return wrong(format!("{baud} is no rate of these scanners; known: {BAUDS:?}"));
-        }
-        Ok(())
+        let known: Vec<&str> = model::MODELS.iter().map(|(name, ..)| *name).collect();
+        check_model(&self.model, &known.join(", "))?;
+        check_bauds(self.hunt_bauds.iter().chain(&self.fast_baud), &BAUDS)
     }
 
+    fn device(&self) -> &str {
+        &self.device
+    }
+
+    fn mount(&self) -> Mount {
+        self.mount
+    }
+}
+
+impl UrgConfig {
     /// The session's habits; `line_baud` is the serial line's rate.
     pub fn session(&self, line_baud: Option<u32>) -> SessionConfig {
         SessionConfig {
             silence_s: self.silence_ms * 1e-3,
-            model: if self.model.eq_ignore_ascii_case("auto") { String::new() } else { self.model.clone() },
+            model: wanted_model(&self.model),
             between_rad: (self.from_deg.to_radians(), self.to_deg.to_radians()),
             cluster: self.cluster,
             skip: self.skip,

@@ -54,6 +54,11 @@ pub fn emit(message: &Message) -> TokenStream {
                     #doc,
                 )
             }
+
+            fn schema_text() -> &'static #krate::SchemaText {
+                static TEXT: ::std::sync::OnceLock<#krate::SchemaText> = ::std::sync::OnceLock::new();
+                TEXT.get_or_init(|| #krate::SchemaText::of(&<#ident as #krate::Message>::schema()))
+            }
         }
     }
 }

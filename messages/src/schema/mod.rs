@@ -29,6 +29,23 @@ pub struct Schema {
     pub doc: String,
 }
 
+/// What a channel's header says of a [`Schema`]: written out once per type, for channels are many.
+#[derive(Debug, Clone, PartialEq, Eq)]
+#[non_exhaustive]
+pub struct SchemaText {
+    /// [`Schema::to_text`].
+    pub text: String,
+    /// [`Schema::hash`].
+    pub hash: u64,
+}
+
+impl SchemaText {
+    /// Writes a schema out.
+    pub fn of(schema: &Schema) -> SchemaText {
+        SchemaText { text: schema.to_text(), hash: schema.hash() }
+    }
+}
+
 /// One named field of a [`Schema`].
 #[derive(Debug, Clone, PartialEq, Eq)]
 #[non_exhaustive]

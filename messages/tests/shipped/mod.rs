@@ -22,15 +22,20 @@ macro_rules! every_message {
             InputCursor
             LaserScan
             LaserState
+            Load
             ModeState
             MotionState
             MoveProgress
             MoveRequest
+            NodeLoad
+            NodePeriod
             NodeStatistics
             Notice
             Odometry
+            Periods
             Proposal
             ProtectiveStop
+            RangerVerdict
             Ranges
             Room
             ScanBeam

@@ -130,7 +130,7 @@ impl EchoMemory {
             each(Beam {
                 origin_x_m: 0.0,
                 origin_y_m: 0.0,
-                bearing_rad: math::atan2(y_m, x_m) as f32,
+                bearing_rad: math::atan2_f32(y_m as f32, x_m as f32),
                 range_m: math::hypot(x_m, y_m) as f32,
                 age_s: now.since(spot.seen) as f32,
                 echo: Echo::Value as u32,

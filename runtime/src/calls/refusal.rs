@@ -29,10 +29,12 @@ pub enum RefusalCode {
     TooManyCallers = 9,
     /// The caller has used this id for a call that is still under way.
     DuplicateId = 10,
+    /// The caller's user may not call this node.
+    NotAllowed = 11,
 }
 
 impl RefusalCode {
-    const ALL: [RefusalCode; 10] = [
+    const ALL: [RefusalCode; 11] = [
         RefusalCode::ByNode,
         RefusalCode::UnknownCommand,
         RefusalCode::WrongLayout,
@@ -43,6 +45,7 @@ impl RefusalCode {
         RefusalCode::Forgotten,
         RefusalCode::TooManyCallers,
         RefusalCode::DuplicateId,
+        RefusalCode::NotAllowed,
     ];
 
     /// The code with this number; an unknown one is the node's own.

@@ -11,7 +11,7 @@ use rustix::net::sockopt::socket_peercred;
 use super::desk::{CallerNumber, Desk};
 use super::socket::{Listener, Received, Sent, ServeError, receive_buffer, receive_message, send_message};
 use super::stage::Sender;
-use super::wire::{self, Header, Kind};
+use super::wire::{self, Header, Kind, Name};
 use super::{Refusal, RefusalCode};
 use crate::Time;
 use crate::pump::Part;
@@ -35,6 +35,8 @@ pub(crate) struct Server {
     /// When to accept again, after a pause for want of descriptors.
     accept_from: Option<Time>,
     notify: Box<dyn Fn() + Send>,
+    /// Users that are heard besides root and this process's own; `None`: whoever can connect.
+    callers: Option<Vec<u32>>,
     buffer: Box<[u8]>,
 }
 
@@ -55,11 +57,12 @@ impl Server {
         desk: Desk,
         notify: Box<dyn Fn() + Send>,
         take_over: bool,
+        callers: Option<Vec<u32>>,
     ) -> Result<Server, ServeError> {
         let listener = Some(Listener::open(root, node, take_over)?);
         let buffer = receive_buffer();
         let (connections, last_caller, accept_from) = (Vec::new(), 0, None);
-        Ok(Server { listener, desk, connections, last_caller, accept_from, notify, buffer })
+        Ok(Server { listener, desk, connections, last_caller, accept_from, notify, callers, buffer })
     }
 
     /// Sends what the desk has for its callers, forgets those who have gone, and tells the step what is new.
@@ -84,16 +87,32 @@ impl Server {
         }
     }
 
+    /// Whether the user `uid` may call: by the kernel's word, not by its own.
+    fn hears(&self, uid: u32) -> bool {
+        let Some(callers) = &self.callers else { return true };
+        uid == 0 || uid == rustix::process::geteuid().as_raw() || callers.contains(&uid)
+    }
+
     fn accept(&mut self, now: Time) {
         let Some(listener) = &self.listener else { return };
         match listener.accept() {
             Ok(socket) if self.connections.len() >= MAX_CALLERS => {
                 let reason = format!("{MAX_CALLERS} callers are connected already: close some");
+                if let Ok(peer) = socket_peercred(&socket) {
+                    let (pid, uid) = (peer.pid.as_raw_nonzero().get(), peer.uid.as_raw());
+                    self.desk.turned_away(Sender { name: Name::default(), pid, uid }, &reason);
+                }
                 let refusal = Refusal::new(RefusalCode::TooManyCallers, reason).to_bytes();
                 let _ = send_message(&socket, &Header::new(Kind::Refused, 0).message(&refusal));
             }
             Ok(socket) => {
                 let Ok(peer) = socket_peercred(&socket) else { return };
+                if !self.hears(peer.uid.as_raw()) {
+                    let reason = format!("user {} is no caller of this node by the robot file", peer.uid.as_raw());
+                    let refusal = Refusal::new(RefusalCode::NotAllowed, reason).to_bytes();
+                    let _ = send_message(&socket, &Header::new(Kind::Refused, 0).message(&refusal));
+                    return;
+                }
                 self.last_caller += 1;
                 self.connections.push(Connection {
                     socket,
@@ -121,11 +140,11 @@ impl Server {
                     Ok((header, body)) => {
                         desk.receive(now, connection.caller, connection.sender(&header), &header, body);
                     }
-                    Err(error) => desk.malformed(connection.caller, error.to_string()),
+                    Err(error) => desk.malformed(connection.caller, connection.nameless(), error.to_string()),
                 },
                 Received::TooLong(length) => {
                     let reason = format!("a message of {length} bytes; at most {} are allowed", buffer.len());
-                    desk.malformed(connection.caller, reason);
+                    desk.malformed(connection.caller, connection.nameless(), reason);
                 }
                 Received::Nothing => return,
                 Received::Gone => {
@@ -188,6 +207,11 @@ impl Connection {
     /// Who speaks: in its own words, and in the kernel's.
     fn sender(&self, header: &Header) -> Sender {
         Sender { name: header.sender, pid: self.pid, uid: self.uid }
+    }
+
+    /// Who speaks, where what it says cannot be read.
+    fn nameless(&self) -> Sender {
+        Sender { name: Name::default(), pid: self.pid, uid: self.uid }
     }
 
     fn queue(&mut self, kind: Kind, message: Vec<u8>) {

@@ -85,8 +85,12 @@ impl Drop for Listener {
 fn listen_at(path: &Path) -> Result<OwnedFd, Errno> {
     let socket = new_socket()?;
     bind(&socket, &SocketAddrUnix::new(path)?)?;
-    // The node's user and group may call; others not.
-    chmod(path, Mode::RUSR | Mode::WUSR | Mode::RGRP | Mode::WGRP)?;
+    // The node's user and group may call; others not. Where the umask says so already nothing is asked of the kernel: a
+    // confined node may not change modes.
+    let mode = Mode::from_raw_mode(rustix::fs::stat(path)?.st_mode);
+    if mode.intersects(Mode::RWXO) || !mode.contains(Mode::RGRP | Mode::WGRP) {
+        chmod(path, Mode::RUSR | Mode::WUSR | Mode::RGRP | Mode::WGRP)?;
+    }
     listen(&socket, BACKLOG)?;
     Ok(socket)
 }

@@ -108,11 +108,11 @@ pub struct Geometry {
 impl Geometry {
     /// The geometry of a channel of `M`, with room for `tail_capacity` tail elements.
     pub fn of<M: Message>(tail_capacity: usize, depth: usize) -> Geometry {
-        let schema = M::schema();
+        let schema = M::schema_text();
         Geometry {
             type_name: M::NAME.into(),
-            layout_hash: schema.hash(),
-            schema: schema.to_text(),
+            layout_hash: schema.hash,
+            schema: schema.text.clone(),
             fixed_bytes: size_of::<M>(),
             tail_element_bytes: if M::HAS_TAIL { size_of::<M::Tail>() } else { 0 },
             tail_capacity: if M::HAS_TAIL { tail_capacity } else { 0 },

@@ -2,7 +2,7 @@
 //!
 //! A [`Tree`] holds the channels of a robot, in files under `/dev/shm` or, for the simulated host, on the heap; both
 //! run the same algorithm (`ring`) over the same bytes ([`layout`]) and pass the same tests
-//! (`tests/channel_conformance.rs`). Typed ports are built on top of this module and live elsewhere.
+//! (`tests/channel_conformance`). Typed ports are built on top of this module and live elsewhere.
 //!
 //! | file | what |
 //! |---|---|

@@ -221,7 +221,8 @@ impl Place<'_> {
         let full_or = |doing, e| ChannelError::full_or(self.path, bytes, self.folder.as_fd(), ".".as_ref(), doing, e);
         let name = format!(".{}.{}.new", self.name, std::process::id());
         let flags = OFlags::RDWR | OFlags::CREATE | OFlags::EXCL | OFlags::NOFOLLOW | OFlags::CLOEXEC;
-        let mode = Mode::RUSR | Mode::WUSR | Mode::RGRP | Mode::ROTH;
+        // Its writer's own to write; the robot's group reads.
+        let mode = Mode::RUSR | Mode::WUSR | Mode::RGRP;
         let file = rustix::fs::openat(&self.folder, &name, flags, mode).map_err(|e| full_or("make channel", e))?;
         let name = Hidden { folder: self.folder.as_fd(), name };
         let file = File::from(file);

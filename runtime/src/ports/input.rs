@@ -74,6 +74,8 @@ pub(crate) struct Input {
     pub(crate) sources: RefCell<Vec<Source>>,
     current: Cell<usize>,
     switches: Cell<u64>,
+    /// When it last changed to another candidate, until that is told.
+    switched: Cell<Option<Time>>,
     dropped: Cell<u64>,
     lost: Cell<bool>,
     changed: Cell<bool>,
@@ -99,6 +101,7 @@ impl Input {
             sources: RefCell::new(sources),
             current: Cell::new(0),
             switches: Cell::new(0),
+            switched: Cell::new(None),
             dropped: Cell::new(0),
             lost: Cell::new(false),
             changed: Cell::new(true),
@@ -227,7 +230,14 @@ impl Input {
         if next != current {
             self.current.set(next);
             self.switches.set(self.switches.get() + 1);
+            self.switched.set(Some(now));
         }
+    }
+
+    /// When the port last changed to another candidate, and to which; asking forgets it.
+    pub(crate) fn take_switched(&self) -> Option<(Time, String)> {
+        let at = self.switched.take()?;
+        Some((at, self.sources.borrow().get(self.current.get()).map(|source| source.path.clone())?))
     }
 
     /// The stamp of the newest sample that has not released a step yet, if one has come; asking marks it.

@@ -23,7 +23,7 @@ use crate::pump::PumpBuilder;
 use crate::robot::{Body, Limp, NodeSpec, ReadWire, Resources, Robot};
 use crate::stop::{Keepsake, LatchCell, StopLatch, StopSource};
 use crate::time::Time;
-use messages::{InputCursor, Message, SupervisorState, path_number};
+use messages::{InputCursor, Load, Message, SupervisorState, path_number};
 use std::cell::Cell;
 use std::rc::Rc;
 
@@ -63,6 +63,13 @@ pub struct Declaration {
 pub const SUPERVISOR_STATE: &str = "/supervisor/robot/state";
 /// Depth of that channel.
 pub const STATE_DEPTH: usize = 64;
+
+/// Where whoever supervises says how busy the machine and the nodes are.
+pub const SUPERVISOR_LOAD: &str = "/supervisor/robot/load";
+/// Depth of that channel.
+pub const LOAD_DEPTH: usize = 16;
+/// Nodes that a sample of it tells of.
+pub const LOAD_NODES: usize = 128;
 
 /// How deep a ring is where the robot file says nothing.
 const DEPTH: usize = 64;
@@ -339,9 +346,18 @@ impl Ports {
 
     /// What the supervisor lets the robot do now: always wired, and without a sample where nobody supervises.
     pub fn supervision(&mut self) -> Reader<SupervisorState> {
-        let expect = Expect { type_name: SupervisorState::NAME.into(), layout_hash: SupervisorState::layout_hash() };
-        let wire = ReadWire { from: vec![SUPERVISOR_STATE.into()], max_age_ns: u64::MAX, return_after_ns: 0 };
-        let input = Rc::new(Input::new("supervision", false, expect, Some(wire)));
+        self.supervisors("supervision", SUPERVISOR_STATE)
+    }
+
+    /// How busy the machine and the robot's nodes are: always wired, and without a sample where nobody looks.
+    pub fn load(&mut self) -> Reader<Load> {
+        self.supervisors("load", SUPERVISOR_LOAD)
+    }
+
+    fn supervisors<M: Message>(&mut self, port: &'static str, path: &str) -> Reader<M> {
+        let expect = Expect { type_name: M::NAME.into(), layout_hash: M::layout_hash() };
+        let wire = ReadWire { from: vec![path.into()], max_age_ns: u64::MAX, return_after_ns: 0 };
+        let input = Rc::new(Input::new(port, false, expect, Some(wire)));
         self.inputs.push(input.clone());
         Reader::new(input, self.now.clone())
     }
@@ -460,7 +476,6 @@ impl Output {
         own_depth: Option<usize>,
         doom: Rc<Doom>,
     ) -> Output {
-        let schema = M::schema();
         let tail_element_bytes = if M::HAS_TAIL { size_of::<M::Tail>() } else { 0 };
         let tail_capacity = if M::HAS_TAIL { tail_capacity } else { 0 };
         let sample_bytes = size_of::<M>() + tail_element_bytes * tail_capacity + 64;
@@ -475,15 +490,7 @@ impl Output {
             number: path_number(&path),
             by_runtime: own_depth.is_some(),
             path,
-            geometry: Geometry {
-                type_name: M::NAME.into(),
-                layout_hash: schema.hash(),
-                schema: schema.to_text(),
-                fixed_bytes: size_of::<M>(),
-                tail_element_bytes,
-                tail_capacity,
-                depth,
-            },
+            geometry: Geometry::of::<M>(tail_capacity, depth),
             writer: std::cell::RefCell::new(None),
             cut: Cell::new(0),
             lost: Cell::new(false),
@@ -497,8 +504,14 @@ fn parse_address(address: &str) -> Result<Address, OpenError> {
 }
 
 /// Where the simulated twin of driver `instance` has its terminal on a live robot.
+/// Folder of the robot's root with a folder per driver in it, where nodes have users of their own.
+pub const TWINS: &str = ".twins";
+
 fn twin_address(root: &std::path::Path, instance: &str) -> Address {
-    Address::Pty { path: root.join(".run").join(format!("{instance}.tty")) }
+    // Where nodes have users of their own, driver and twin meet in a folder that these two alone may enter.
+    let shared = root.join(TWINS).join(instance);
+    let path = if shared.is_dir() { shared.join("tty") } else { root.join(".run").join(format!("{instance}.tty")) };
+    Address::Pty { path }
 }
 
 /// A node's own seed: the run's seed mixed with the node's path, so that adding a node changes no other's.

@@ -27,6 +27,7 @@ pub struct PumpBuilder {
     state: NodeState,
     step: Arc<StepWatch>,
     take_over: bool,
+    callers: Option<Vec<u32>>,
     guard: Option<Arc<GuardLine>>,
     sources: Vec<Arc<SourceWord>>,
 }
@@ -67,6 +68,7 @@ impl PumpBuilder {
             state: NodeState::default(),
             step: Arc::default(),
             take_over: false,
+            callers: None,
             guard: None,
             sources: Vec::new(),
         }
@@ -82,7 +84,8 @@ impl PumpBuilder {
         self.notifier = notifier;
     }
 
-    /// Who hears each change of a device's link, as one line: where, what or why, what to do.
+    /// Who hears each change of a device's link and each call that was not done, as one line: where, what or why, what to
+    /// do.
     pub fn log(&mut self, log: Log) {
         self.log = log;
     }
@@ -115,6 +118,11 @@ impl PumpBuilder {
     /// Takes the call socket over from a predecessor that hangs but still holds it.
     pub fn take_over(&mut self) {
         self.take_over = true;
+    }
+
+    /// Hears calls of these users, root and this process's own only.
+    pub fn callers(&mut self, users: Vec<u32>) {
+        self.callers = Some(users);
     }
 
     /// A source of stops that the guard is told of.
@@ -159,8 +167,9 @@ impl PumpBuilder {
             }
         }
         let desk = calls::Desk::new(&self.path, self.stages, self.state, self.step).map_err(calls::ServeError::from)?;
+        let desk = desk.with_log(Arc::clone(&self.log));
         let notify = told(&self.notifier, Arrival::Call);
-        parts.push(Box::new(calls::Server::open(root, &self.path, desk, notify, self.take_over)?));
+        parts.push(Box::new(calls::Server::open(root, &self.path, desk, notify, self.take_over, self.callers)?));
         for line in self.lines {
             if !line.attach(waker.clone()) {
                 return Err(PumpError::AttachedTwice(format!("caller of {}", line.target)));
@@ -178,6 +187,7 @@ impl PumpBuilder {
     /// Serves the node's calls within a simulated host instead, without a thread. Its devices are memory links.
     pub fn join(self, calls: &LocalCalls) -> Result<(), PumpError> {
         let desk = calls::Desk::new(&self.path, self.stages, self.state, self.step).map_err(calls::ServeError::from)?;
+        let desk = desk.with_log(self.log);
         let (call, reply) = (told(&self.notifier, Arrival::Call), told(&self.notifier, Arrival::Reply));
         calls.join(&self.path, desk, self.lines, call, reply);
         Ok(())

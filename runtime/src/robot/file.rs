@@ -161,6 +161,17 @@ pub enum Restart {
     Never,
 }
 
+/// How a node's process is kept apart from the rest of the machine.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Isolate {
+    /// By nothing but the files' modes.
+    #[default]
+    None,
+    /// A user of its own where the robot is run by root, Landlock and seccomp: it can touch what the robot file names for it.
+    Strict,
+}
+
 /// One node.
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -186,6 +197,12 @@ pub struct NodeTable {
     /// Nodes with the same word share a process, as threads of one.
     #[serde(default)]
     pub process: Option<String>,
+    /// How its process is kept apart from the rest of the machine.
+    #[serde(default)]
+    pub isolate: Isolate,
+    /// The user that it runs as, where the robot is run by root; without one a strict node gets a user that nobody else is.
+    #[serde(default)]
+    pub user: Option<String>,
     /// What follows when it ends.
     #[serde(default)]
     pub restart: Restart,

@@ -11,7 +11,7 @@ mod wiring;
 
 pub use care::{CareTable, Do, GroupTable, Leave, Limp, Period, ReactionTable, Rung, Strategy, SupervisionTable, When};
 pub use error::{RobotError, nearest_advice};
-pub use file::{Body, Missed, RealtimeTable, RecordTable, Restart, RobotFile, Scheduler};
+pub use file::{Body, Isolate, Missed, RealtimeTable, RecordTable, Restart, RobotFile, Scheduler};
 pub use resources::{Embedded, Resources};
 pub use schema::json_schema;
 pub use spec::{NodeSpec, Override, ReadWire, Robot};

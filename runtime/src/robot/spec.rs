@@ -2,7 +2,7 @@
 
 use super::care::{self, CareTable, Limp, Period, SupervisionTable};
 use super::error::{RobotError, nearest_advice};
-use super::file::{Body, Missed, NodeTable, RealtimeTable, RecordTable, Restart, RobotFile};
+use super::file::{Body, Isolate, Missed, NodeTable, RealtimeTable, RecordTable, Restart, RobotFile};
 use super::locate::{locate, value_at};
 use super::resources::Resources;
 use crate::node::NodeType;
@@ -57,6 +57,10 @@ pub struct NodeSpec {
     pub priority: u8,
     /// Nodes of one word share a process.
     pub process: Option<String>,
+    /// How its process is kept apart.
+    pub isolate: Isolate,
+    /// The user that it runs as under root.
+    pub user: Option<String>,
     /// What follows when it ends.
     pub restart: Restart,
     /// Hangs, silence, standbys, and what its loss means for the robot.
@@ -180,7 +184,7 @@ impl Robot {
     }
 
     /// An error at the value under `keys`.
-    pub(super) fn error_at(&self, keys: &[&str], reason: impl Into<String>) -> RobotError {
+    pub fn error_at(&self, keys: &[&str], reason: impl Into<String>) -> RobotError {
         RobotError::at(&self.file, &self.text, locate(&self.text, keys), reason)
     }
 }
@@ -346,6 +350,8 @@ fn node_spec(
         missed: table.missed,
         priority,
         process: table.process.clone(),
+        isolate: table.isolate,
+        user: table.user.clone(),
         restart: table.restart,
         care: table.care.clone().unwrap_or_default(),
         importance,

@@ -34,22 +34,41 @@ pub fn shift_fifo(tid: i32, by: i32) -> Result<(), Errno> {
     if status == 0 { Ok(()) } else { Err(last_error()) }
 }
 
-/// Gives back the pages of this program's code that only its start has needed: parsing, opening, help texts. Whatever runs
-/// from now on comes back page by page from the page cache, and stays.
+/// Gives back the pages of files that only the start has needed: code, tables and texts of parsing, opening, help.
+/// Whatever runs from now on comes back page by page from the page cache, and stays. A process that has less mapped is
+/// also dead sooner.
 pub fn forget_startup_code() {
-    let Ok(program) = std::env::current_exe() else { return };
-    let Ok(maps) = std::fs::read_to_string("/proc/self/maps") else { return };
-    let code = |line: &&str| line.contains(" r-xp ") && line.ends_with(&*program.to_string_lossy());
-    for line in maps.lines().filter(code) {
-        let bounds = line.split(' ').next().and_then(|range| range.split_once('-'));
-        let Some((from, to)) = bounds
-            .and_then(|(from, to)| Some((usize::from_str_radix(from, 16).ok()?, usize::from_str_radix(to, 16).ok()?)))
-        else {
-            continue;
-        };
-        // SAFETY: the kernel has just named this range as a private, read-only map of the program's file: no byte of it
-        // was ever written, so what is dropped is what the file holds, and the next access brings it back.
-        unsafe { libc::madvise(from as *mut libc::c_void, to - from, libc::MADV_DONTNEED_LOCKED) };
+    let Ok(maps) = std::fs::read_to_string("/proc/self/smaps") else { return };
+    let mut range = None;
+    for line in maps.lines() {
+        let mut words = line.split_ascii_whitespace();
+        let (Some(first), second) = (words.next(), words.next()) else { continue };
+        match (first, second) {
+            // None of its pages was ever written (proc_pid_smaps(5)): relocated tables were.
+            ("Anonymous:", Some("0")) => {
+                if let Some((from, to)) = range.take() {
+                    // SAFETY: the kernel has just named this range as a private, read-only map of a file of which no byte
+                    // differs from the file: what is dropped is what the file holds, and the next access brings it back.
+                    unsafe { libc::madvise(from as *mut libc::c_void, to - from, libc::MADV_DONTNEED_LOCKED) };
+                }
+            }
+            (bounds, Some("r-xp" | "r--p")) => {
+                let number = |hex: &str| usize::from_str_radix(hex, 16).ok();
+                let both = bounds.split_once('-').and_then(|(from, to)| Some((number(from)?, number(to)?)));
+                range = both.filter(|_| words.last().is_some_and(|file| file.starts_with('/')));
+            }
+            (bounds, Some(access)) if bounds.contains('-') && access.len() == 4 => range = None,
+            _ => {}
+        }
+    }
+}
+
+/// Gives freed memory back to the kernel: before it is locked, for afterwards the kernel does not take it.
+pub fn trim_heap() {
+    #[cfg(target_env = "gnu")]
+    // SAFETY: no memory is passed; the allocator takes its own lock.
+    unsafe {
+        libc::malloc_trim(0);
     }
 }
 

@@ -126,9 +126,7 @@ impl Placed {
             if least_m > 0.0 && least_m * least_m >= best.0 {
                 continue;
             }
-            for side in self.sides() {
-                keep_nearer(&mut best, side.nearest_to(end), end);
-            }
+            self.keep_nearest_to(&mut best, end);
         }
         (best.0.sqrt(), best.1, best.2)
     }
@@ -139,12 +137,17 @@ impl Placed {
             return (0.0, circle.centre, circle.centre);
         }
         let mut best = (f64::INFINITY, Point::ZERO, Point::ZERO);
-        for side in self.sides() {
-            keep_nearer(&mut best, side.nearest_to(circle.centre), circle.centre);
-        }
+        self.keep_nearest_to(&mut best, circle.centre);
         let away = best.0.sqrt();
         let towards = if away > 0.0 { (best.1 - circle.centre) * (1.0 / away) } else { Point::ZERO };
         ((away - circle.radius_m).max(0.0), best.1, circle.centre + towards * circle.radius_m.min(away))
+    }
+
+    /// Keeps what is nearest to a point outside: it lies on a side that faces the point.
+    fn keep_nearest_to(&self, best: &mut Gap, point: Point) {
+        for side in self.sides().filter(|side| (side.b - side.a).cross(point - side.a) < 0.0) {
+            keep_nearer(best, side.nearest_to(point), point);
+        }
     }
 
     /// Gap to another outline.

@@ -7,7 +7,7 @@ use super::server::OUTBOX;
 use super::unit::outbox;
 use drivers::urg::model::Sensor;
 use drivers::urg::protocol::{
-    Area, Coding, MAX_REQUEST, STAMP_BITS, decimal, encode, push_block, push_line, status, sum,
+    Area, BAUDS, Coding, MAX_REQUEST, STAMP_BITS, decimal, encode, push_block, push_line, status, sum,
 };
 use runtime::Time;
 
@@ -165,8 +165,8 @@ impl Scip {
             b"%SL" | b"HS0" | b"HS1" => self.reply(line, status::OK),
             [b'C', b'R', _, _] | [b'D', b'B', _, _] | [b'R', b'B'] => self.reply(line, status::OK),
             [b'S', b'S', digits @ ..] => {
-                let baud = decimal(digits).filter(|baud| digits.len() == 6 && *baud > 0);
-                self.reply(line, if baud.is_some() { status::OK } else { *b"01" });
+                let (status, baud) = self.rate(digits);
+                self.reply(line, status);
                 self.baud = baud.or(self.baud);
             }
             [b'G', letter, rest @ ..] => self.get(line, *letter, rest),
@@ -180,6 +180,20 @@ impl Scip {
 
     fn quit(&mut self) {
         (self.stream, self.wanted, self.laser_on, self.adjusts_time, self.latest) = (None, None, false, false, None);
+    }
+
+    /// What SS leads to: its status, and the rate where the line is to have another one.
+    fn rate(&self, digits: &[u8]) -> ([u8; 2], Option<u32>) {
+        // The Ethernet models have no line, and do not know the command's length.
+        if digits.len() != 6 || self.sensor.is("UST-10LX") {
+            return (status::BAD_LENGTH, None);
+        }
+        match decimal(digits) {
+            None => (*b"01", None),
+            Some(baud) if self.baud == Some(baud) => (*b"03", None),
+            Some(baud) if BAUDS.contains(&baud) => (status::OK, Some(baud)),
+            Some(_) => (*b"04", None),
+        }
     }
 
     /// `ssss eeee cc` of G and M commands, or the status of what is wrong with it.

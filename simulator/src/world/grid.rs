@@ -79,6 +79,21 @@ impl Grid {
         })
     }
 
+    /// Columns of a row's part between two columns, both included, whose cells list anything.
+    ///
+    /// Most of a world is empty: the entries of a row lie in one piece, so that an empty part is told at once.
+    pub fn filled(&self, row: i32, from: i32, to: i32) -> impl Iterator<Item = i32> + '_ {
+        let at = |column: i32| (row * self.columns + column) as usize;
+        let starts = &self.starts[at(from)..=at(to) + 1];
+        let any = starts.first() != starts.last();
+        starts
+            .windows(2)
+            .take(if any { starts.len() } else { 0 })
+            .zip(from..)
+            .filter(|(ends, _)| ends[0] != ends[1])
+            .map(|(_, column)| column)
+    }
+
     /// Column of the cell at `x_m`, clamped into the grid.
     pub fn column(&self, x_m: f64) -> i32 {
         (((x_m - self.low.x_m) * self.inverse).floor() as i32).clamp(0, self.columns - 1)

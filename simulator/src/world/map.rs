@@ -115,6 +115,8 @@ impl Map {
         let half_diagonal = grid.cell_m * std::f64::consts::FRAC_1_SQRT_2;
         let mut inner = 0.0;
         let mut wanted = cone.reach_m;
+        // A long wall is listed in many cells, most often one after the other.
+        let mut last = usize::MAX;
         // Near bands first: most echoes are near, and then the far cells are never looked at.
         for outer in [1.0, 2.5, f64::INFINITY] {
             let outer = wanted.min(outer);
@@ -122,8 +124,9 @@ impl Map {
                 return;
             }
             let (low, high) = sector_box(cone, inner, outer);
+            let (left, right) = (grid.column(low.x_m), grid.column(high.x_m));
             for row in grid.row(low.y_m)..=grid.row(high.y_m) {
-                for column in grid.column(low.x_m)..=grid.column(high.x_m) {
+                for column in grid.filled(row, left, right) {
                     let to = grid.centre(column, row) - cone.apex;
                     let away2 = to.dot(to);
                     let farthest = wanted.min(outer) + half_diagonal;
@@ -137,7 +140,11 @@ impl Map {
                     }
                     for entry in grid.cell(column, row) {
                         let (hit, rough) = match entry {
-                            Entry::Segment(k) => (cone.meet_segment(&self.segments[k]), self.rough_segments[k]),
+                            Entry::Segment(k) if k == last => continue,
+                            Entry::Segment(k) => {
+                                last = k;
+                                (cone.meet_segment(&self.segments[k]), self.rough_segments[k])
+                            }
                             Entry::Circle(k) => (cone.meet_circle(&self.circles[k]), self.rough_circles[k]),
                         };
                         if let Some(hit) = hit {
@@ -161,8 +168,9 @@ impl Map {
         // A long wall is listed in many cells; the walls of the last few need no second look.
         let mut looked_at = [usize::MAX; 4];
         let mut turn = 0;
+        let (left, right) = (grid.column(centre.x_m - reach), grid.column(centre.x_m + reach));
         for row in grid.row(centre.y_m - reach)..=grid.row(centre.y_m + reach) {
-            for column in grid.column(centre.x_m - reach)..=grid.column(centre.x_m + reach) {
+            for column in grid.filled(row, left, right) {
                 let to = grid.centre(column, row) - centre;
                 let farthest = body.radius_m + wanted + half_diagonal;
                 if to.dot(to) > farthest * farthest {

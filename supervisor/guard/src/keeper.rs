@@ -47,6 +47,7 @@ struct Peer {
     process: Option<OwnedFd>,
     pid: u32,
     uid: u32,
+    gid: u32,
 }
 
 /// The supervisor's heartbeat.
@@ -74,6 +75,8 @@ struct Keeper {
     supervisor: Option<Beating>,
     line: Option<Line>,
     own_uid: u32,
+    /// Group of the robot's nodes where those have users of their own: the group of the socket's file.
+    members: Option<u32>,
 }
 
 /// Runs the guard on the descriptors that the root holds for it.
@@ -87,6 +90,7 @@ pub fn run() -> ! {
     let raised = std::array::from_fn(|index| page.flags(index).1);
     let before = page.word();
     let mut keeper = Keeper {
+        members: group_of(&listener),
         listener,
         root: sys::inherited(fds::ROOT).ok(),
         look: rustix::fs::open(path, OFlags::RDONLY | OFlags::CLOEXEC, Mode::empty()).ok(),
@@ -245,6 +249,7 @@ impl Keeper {
                 process: None,
                 pid: peer.pid.as_raw_nonzero().get() as u32,
                 uid: peer.uid.as_raw(),
+                gid: peer.gid.as_raw(),
             });
             // Whoever connects has mostly said something already: one wait less before a stop.
             self.listen(slot);
@@ -292,7 +297,9 @@ impl Keeper {
     fn serve(&mut self, index: usize, packet: &[u8], descriptor: Option<OwnedFd>) {
         let Some(peer) = &self.peers[index] else { return };
         let (token, by) = (peer.token, (peer.pid, peer.uid));
-        let trusted = peer.uid == self.own_uid || peer.uid == 0;
+        let uid = peer.uid;
+        let owner = uid == self.own_uid || uid == 0;
+        let trusted = owner || self.members == Some(peer.gid);
         let attached = peer.process.is_some();
         let now = now_ns();
         match parse(packet) {
@@ -318,23 +325,36 @@ impl Keeper {
                 self.tell(index, Ok(()));
             }
             Some(Request::Lower { source }) => {
-                if let Some(slot) = self.page.find(source) {
+                // Whoever is not the robot's user may let go only what it has itself raised.
+                if let Some(slot) = self.page.find(source)
+                    && (owner || self.page.by(slot).1 == uid)
+                {
                     let _ = self.latch.handle(Event::Lower(slot));
                     self.note(slot);
                 }
                 self.tell(index, Ok(()));
             }
+            Some(Request::Reset | Request::Resume) if !self.is_person(index) => self.say(
+                index,
+                &[b"no ", self.latch.state().word().as_bytes(), b"\nonly a person may do this, and no confined node"],
+            ),
             Some(Request::Reset) => self.obey_person(index, Event::Reset, now),
             Some(Request::Resume) => self.obey_person(index, Event::Resume, now),
+            Some(Request::Attach { node }) if node == SUPERVISOR && !self.is_person(index) => {}
             Some(Request::Attach { node }) => self.attach(index, node, now),
             Some(Request::Will { address, repeat, spacing_us, bytes }) if attached => {
-                if let Some(device) = descriptor {
-                    self.wills.take(token, address, bytes, repeat, spacing_us, device);
+                // Another user's device stays that user's.
+                if let Some(device) = descriptor
+                    && (owner || self.wills.left_by(address).is_none_or(|by| by == uid))
+                    && self.wills.take(token, address, bytes, repeat, spacing_us, device)
+                {
+                    self.wills.sign(address, uid);
                 }
             }
             Some(Request::Drop { address }) if attached => self.wills.give_up(token, address),
             Some(Request::Claim { address }) if attached => {
-                let kept = self.wills.hand_on(token, address);
+                let may = owner || self.wills.left_by(address).is_none_or(|by| by == uid);
+                let kept = if may { self.wills.hand_on(token, address) } else { None };
                 if let Some(socket) = self.peers[index].as_ref().and_then(|peer| peer.socket.as_ref()) {
                     let word: &[u8] = if kept.is_some() { b"kept" } else { b"none" };
                     let _ = send_with(socket.as_fd(), word, kept);
@@ -351,6 +371,12 @@ impl Keeper {
                 ],
             ),
         }
+    }
+
+    /// Whether a peer is the robot's user or root, and no node of the robot under whose hands that user runs.
+    fn is_person(&self, index: usize) -> bool {
+        let Some(peer) = &self.peers[index] else { return false };
+        (peer.uid == self.own_uid || peer.uid == 0) && !crate::is_confined(peer.pid)
     }
 
     fn attach(&mut self, index: usize, node: &[u8], now: u64) {
@@ -438,6 +464,13 @@ impl Keeper {
         }
         let _ = send(socket, &answer[..length], SendFlags::DONTWAIT | SendFlags::NOSIGNAL);
     }
+}
+
+/// The group of a listening socket's file, where it is not this process's own.
+fn group_of(listener: &OwnedFd) -> Option<u32> {
+    let address = rustix::net::SocketAddrUnix::try_from(rustix::net::getsockname(listener).ok()?).ok()?;
+    let file = rustix::fs::stat(address.path()?).ok()?;
+    (file.st_gid != rustix::process::getegid().as_raw()).then_some(file.st_gid)
 }
 
 fn kill(peers: &[Option<Peer>; MOST_CONNECTIONS], token: u64) {

@@ -193,6 +193,11 @@ impl LatchPage {
         slot[3].store(u64::from(by.0) << 32 | u64::from(by.1), Ordering::Relaxed);
     }
 
+    /// Process and user of whoever filled slot `index` last.
+    pub(crate) fn by(&self, index: usize) -> (u32, u32) {
+        split(self.slot(index)[3].load(Ordering::Relaxed))
+    }
+
     /// The name in slot `index`, without an allocation.
     pub(crate) fn name<'a>(&self, index: usize, out: &'a mut [u8; NAME_BYTES]) -> &'a [u8] {
         for (word, chunk) in self.slot(index)[NAME..REASON].iter().zip(out.chunks_mut(8)) {

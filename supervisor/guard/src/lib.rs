@@ -15,6 +15,7 @@
 //! (`sinew-guard`) or, where that is not installed, in the image of the program that starts the robot.
 
 mod client;
+mod confined;
 mod keeper;
 pub mod latch;
 mod latch_page;
@@ -27,11 +28,12 @@ mod wills;
 mod wire;
 
 pub use client::{Answer, Client, ClientError, SOCKET, ask};
+pub use confined::is_confined;
 pub use latch_page::{LatchPage, SourceInfo, Word};
 pub use memory::{Words, make_memfd};
 pub use state_file::{Loaded, StateError, StateFile};
 pub use sys::{become_program, exit_of, inherited, place};
-pub use table::{Injected, KEPT_BYTES, LINES, Line, Phase, SUPERVISOR_LINE, Table};
+pub use table::{Injected, KEPT_BYTES, LINES, Line, Phase, SUPERVISOR_LINE, Table, Work};
 pub use wire::{Kept, Will};
 
 use std::ffi::OsString;

@@ -6,14 +6,16 @@ use std::io;
 use std::os::fd::{AsFd, OwnedFd};
 use std::sync::atomic::{AtomicU32, AtomicU64};
 
-use rustix::fs::{MemfdFlags, SealFlags, fcntl_add_seals, ftruncate, memfd_create};
+use rustix::fs::{MemfdFlags, Mode, SealFlags, fchmod, fcntl_add_seals, ftruncate, memfd_create};
 use rustix::io::Errno;
 
 use crate::sys;
 
-/// A memfd of `bytes` zeros whose size nobody can change.
+/// A memfd of `bytes` zeros whose size nobody can change. Whoever is handed a read-only descriptor cannot open it anew for
+/// writing unless it is this user or root: a memfd is born with a mode that lets everyone.
 pub fn make_memfd(name: &str, bytes: usize) -> io::Result<OwnedFd> {
     let memfd = memfd_create(name, MemfdFlags::CLOEXEC | MemfdFlags::ALLOW_SEALING)?;
+    fchmod(&memfd, Mode::RUSR | Mode::WUSR)?;
     ftruncate(&memfd, bytes as u64)?;
     fcntl_add_seals(&memfd, SealFlags::SHRINK | SealFlags::GROW | SealFlags::SEAL)?;
     Ok(memfd)

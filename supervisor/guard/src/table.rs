@@ -14,7 +14,7 @@ pub const LINES: usize = 128;
 /// The line of the supervisor itself, which the guard looks at.
 pub const SUPERVISOR_LINE: usize = LINES - 1;
 /// Words of a line.
-const LINE_WORDS: usize = 32;
+const LINE_WORDS: usize = 40;
 /// Most bytes of a keepsake.
 pub const KEPT_BYTES: usize = (LINE_WORDS - KEPT - 1) * 8;
 
@@ -27,8 +27,12 @@ const OBEYED: usize = 5;
 const OBEYED_AT: usize = 6;
 /// A fault that chaos wants of the node.
 const FAULT: usize = 7;
+/// What the node has done so far: steps, time in them [ns], steps that ended too late.
+const STEPS: usize = 8;
+const BUSY: usize = 9;
+const MISSED: usize = 10;
 /// Length and checksum of the keepsake; its bytes follow.
-const KEPT: usize = 8;
+const KEPT: usize = 16;
 
 /// What a node's thread was doing when it last counted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -41,6 +45,17 @@ pub enum Phase {
     Stepping,
     /// Ended in order.
     Ended,
+}
+
+/// What a node's thread has done since its process began.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Work {
+    /// Steps.
+    pub steps: u64,
+    /// Time in them [ns].
+    pub busy_ns: u64,
+    /// Steps that ended after their deadline.
+    pub missed_deadlines: u64,
 }
 
 /// A fault that a node is told to have, where the run allows it.
@@ -87,6 +102,7 @@ impl Line {
     pub fn begin(&self, process: u32, thread: u32, limit_ns: u64) {
         self.0[LIMIT].store(limit_ns, Ordering::Relaxed);
         self.0[PHASE].store(0, Ordering::Relaxed);
+        self.count(Work::default());
         self.0[THREAD].store(u64::from(process) << 32 | u64::from(thread), Ordering::Release);
     }
 
@@ -129,6 +145,22 @@ impl Line {
     /// How long the node may be silent [ns].
     pub fn limit_ns(&self) -> u64 {
         self.0[LIMIT].load(Ordering::Relaxed)
+    }
+
+    /// The node has done so much since its process began.
+    #[inline]
+    pub fn count(&self, work: Work) {
+        self.0[BUSY].store(work.busy_ns, Ordering::Relaxed);
+        self.0[MISSED].store(work.missed_deadlines, Ordering::Relaxed);
+        self.0[STEPS].store(work.steps, Ordering::Release);
+    }
+
+    /// What the node has done. Read while it counts, the numbers may be a step apart.
+    pub fn work(&self) -> Work {
+        let steps = self.0[STEPS].load(Ordering::Acquire);
+        let (busy_ns, missed_deadlines) =
+            (self.0[BUSY].load(Ordering::Relaxed), self.0[MISSED].load(Ordering::Relaxed));
+        Work { steps, busy_ns, missed_deadlines }
     }
 
     /// The node has obeyed this word of the latch, at `now_ns`.

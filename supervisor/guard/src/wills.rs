@@ -53,6 +53,8 @@ pub struct Kept {
     /// An open file of the guard's own, where the device can be opened a second time.
     own: Option<OwnedFd>,
     is_socket: bool,
+    /// The user whose process has left it.
+    by: u32,
     /// The connection of the driver that has the device.
     pub owner: u64,
     /// Whether that driver lives.
@@ -92,6 +94,7 @@ impl Wills {
             own: if is_socket { None } else { open_again(device.as_fd()) },
             device,
             is_socket,
+            by: 0,
             owner,
             alive: true,
             obeyed: 0,
@@ -99,6 +102,16 @@ impl Wills {
             next_ns: 0,
         });
         true
+    }
+
+    /// Notes whose the device at `address` is.
+    pub fn sign(&mut self, address: &[u8], uid: u32) {
+        self.0.iter_mut().flatten().filter(|kept| kept.address.get() == address).for_each(|kept| kept.by = uid);
+    }
+
+    /// The user who has left the device at `address`.
+    pub fn left_by(&self, address: &[u8]) -> Option<u32> {
+        self.0.iter().flatten().find(|kept| kept.address.get() == address).map(|kept| kept.by)
     }
 
     /// The driver `owner` has closed the device at `address` in order.

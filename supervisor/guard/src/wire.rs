@@ -5,14 +5,14 @@
 //! | request | who may | answer |
 //! |---|---|---|
 //! | `stop SOURCE⏎REASON` | anyone | `ok STATE` |
-//! | `hold SOURCE⏎REASON` | the robot's user, root | `ok STATE` |
-//! | `lower SOURCE` | the same | `ok STATE` |
-//! | `reset`, `resume` | the same | `ok STATE`, or `no STATE⏎WHY` |
+//! | `hold SOURCE⏎REASON` | the robot's user, root, nodes (whose group is that of this socket's file) | `ok STATE` |
+//! | `lower SOURCE` | the same; a node that has a user of its own lowers only what that user has raised | `ok STATE` |
+//! | `reset`, `resume` | the robot's user and root, but no confined process | `ok STATE`, or `no STATE⏎WHY` |
 //! | `look` | anyone | `latch`, with a read-only descriptor of the latch's memory |
-//! | `attach NODE` | the robot's user, root | none; the process is watched from now on |
+//! | `attach NODE` | the robot's user, root, nodes | none; the process is watched from now on |
 //! | `will REPEAT SPACING_US ADDRESS⏎BYTES`, with the device's descriptor | who has attached | none |
 //! | `drop ADDRESS` | the same | none: the device is closed in order |
-//! | `claim ADDRESS` | the same | `kept`, with the descriptor that a predecessor left, or `none` |
+//! | `claim ADDRESS` | the same, if the same user has left it | `kept`, with the descriptor that a predecessor left, or `none` |
 //! | `stopped WORD` | the same | none: the driver has obeyed this word of the latch |
 //!
 //! In a shell: `printf 'stop me\nsmoke' | socat - UNIX-CONNECT:/dev/shm/sinew/pioneer/.guard,type=5`.

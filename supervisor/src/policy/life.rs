@@ -218,6 +218,7 @@ impl Policy {
             // Its predecessor died meanwhile, and goes its own way.
             unit.standby = Standby::None;
             actions.push(Action::KillStandby { node });
+            actions.push(Action::Dismiss { node });
             notify(actions, node, now, IncidentKind::Reverted);
         }
     }
@@ -228,6 +229,7 @@ impl Policy {
             return;
         }
         if matches!(unit.standby, Standby::Starting { other: true }) {
+            actions.push(Action::Dismiss { node });
             notify(actions, node, now, IncidentKind::Reverted);
         }
         unit.standby = Standby::Pausing { until: later(now, STANDBY_PAUSE_S) };

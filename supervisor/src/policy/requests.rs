@@ -73,7 +73,9 @@ impl Policy {
                     if intent == Intent::Stop && std::mem::take(&mut unit.standby).is_alive() {
                         actions.push(Action::KillStandby { node });
                     }
-                    unit.trial = None;
+                    if unit.trial.take().is_some() {
+                        actions.push(Action::Accept { node });
+                    }
                     unit.terminate(node, now, intent, actions);
                 }
                 // Its group is about to start it anew anyhow.

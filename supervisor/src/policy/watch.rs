@@ -153,6 +153,7 @@ impl Policy {
             let unit = &mut self.units[node];
             if unit.trial.is_some_and(|at| at <= now) {
                 unit.trial = None;
+                actions.push(Action::Accept { node });
             }
             let wants_standby = unit.care.standby && unit.trial.is_none();
             let may_start = match unit.standby {

@@ -33,6 +33,10 @@ impl SupervisedHost {
                 self.later(now.after_s(for_s), Later::EndBurst);
                 3
             }
+            (PlannedFault::Command { program, for_s, .. }, ..) => {
+                self.refused.push((program.clone(), now.after_s(*for_s)));
+                6
+            }
             (&PlannedFault::Supervisor { for_s, .. }, ..) => {
                 self.absent_until = self.absent_until.max(now.after_s(for_s));
                 5
@@ -79,7 +83,7 @@ impl SupervisedHost {
                 self.later(gone.after_s(1.5), Later::Person);
                 4
             }
-            PlannedFault::Burst { .. } | PlannedFault::Supervisor { .. } => return None,
+            PlannedFault::Burst { .. } | PlannedFault::Supervisor { .. } | PlannedFault::Command { .. } => return None,
         })
     }
 

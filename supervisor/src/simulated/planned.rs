@@ -2,7 +2,7 @@
 //!
 //! ```toml
 //! [[fault]]
-//! kind = "death"                # of the process of this node; also hang, slowdown, burst, stop, supervisor
+//! kind = "death"                # of the process of this node; also hang, slowdown, burst, stop, supervisor, command
 //! at_s = 12.5
 //! node = "/actions/steer_clear"
 //! when = "mid_write"            # in its next step; also before_head, before_wake. Without it: at once, between steps
@@ -10,6 +10,7 @@
 //! ```
 
 use super::faults::mortal;
+use crate::robot_plan::RobotPlan;
 use runtime::Time;
 use runtime::channel::Death;
 use runtime::robot::Robot;
@@ -82,6 +83,15 @@ pub enum PlannedFault {
         /// How long nobody supervises [s].
         for_s: f64,
     },
+    /// A program that reactions execute fails.
+    Command {
+        /// When [s].
+        at_s: f64,
+        /// The program, as the robot file spells it.
+        program: String,
+        /// How long [s].
+        for_s: f64,
+    },
 }
 
 /// Where a death falls.
@@ -131,7 +141,8 @@ impl PlannedFault {
             | PlannedFault::Slowdown { at_s, .. }
             | PlannedFault::Burst { at_s, .. }
             | PlannedFault::Stop { at_s, .. }
-            | PlannedFault::Supervisor { at_s, .. } => *at_s,
+            | PlannedFault::Supervisor { at_s, .. }
+            | PlannedFault::Command { at_s, .. } => *at_s,
         }
     }
 
@@ -143,7 +154,8 @@ impl PlannedFault {
             | PlannedFault::Slowdown { at_s, .. }
             | PlannedFault::Burst { at_s, .. }
             | PlannedFault::Stop { at_s, .. }
-            | PlannedFault::Supervisor { at_s, .. } => *at_s = to_s,
+            | PlannedFault::Supervisor { at_s, .. }
+            | PlannedFault::Command { at_s, .. } => *at_s = to_s,
         }
         self
     }
@@ -159,7 +171,7 @@ impl PlannedFault {
             | PlannedFault::Hang { node, .. }
             | PlannedFault::Slowdown { node, .. }
             | PlannedFault::Stop { node, .. } => Some(node),
-            PlannedFault::Burst { .. } | PlannedFault::Supervisor { .. } => None,
+            PlannedFault::Burst { .. } | PlannedFault::Supervisor { .. } | PlannedFault::Command { .. } => None,
         }
     }
 
@@ -167,7 +179,9 @@ impl PlannedFault {
     pub fn flaw(&self, robot: &Robot) -> Option<String> {
         let numbers = match self {
             PlannedFault::Death { .. } => vec![],
-            PlannedFault::Hang { for_s, .. } | PlannedFault::Supervisor { for_s, .. } => vec![("for_s", *for_s)],
+            PlannedFault::Hang { for_s, .. }
+            | PlannedFault::Supervisor { for_s, .. }
+            | PlannedFault::Command { for_s, .. } => vec![("for_s", *for_s)],
             PlannedFault::Slowdown { factor, for_s, .. } => vec![("factor", *factor), ("for_s", *for_s)],
             PlannedFault::Burst { share, for_s, .. } => {
                 if !(0.0..=1.0).contains(share) {
@@ -183,6 +197,14 @@ impl PlannedFault {
         let at = [("at_s", self.at_s())];
         if let Some((key, value)) = at.iter().chain(&numbers).find(wrong) {
             return Some(format!("{key} is {value}: it must be a number between 0 and {MOST}"));
+        }
+        if let PlannedFault::Command { program, .. } = self {
+            let commands = RobotPlan::of(robot).commands;
+            let known: Vec<&str> = commands.iter().filter_map(|words| words.first()).map(String::as_str).collect();
+            return (!known.contains(&program.as_str())).then(|| match known.as_slice() {
+                [] => format!("no reaction of this robot executes \"{program}\", nor anything else"),
+                known => format!("no reaction of this robot executes \"{program}\"; they execute {}", known.join(", ")),
+            });
         }
         let node = self.node()?;
         let known: Vec<String> = mortal(robot).concat();
@@ -218,6 +240,7 @@ impl std::fmt::Display for PlannedFault {
             PlannedFault::Stop { node, gone_after_s, .. } => {
                 write!(f, "{node} raises an emergency stop, its cause goes after {gone_after_s} s")
             }
+            PlannedFault::Command { program, for_s, .. } => write!(f, "the command {program} fails for {for_s} s"),
             PlannedFault::Supervisor { for_s, .. } => write!(f, "the supervisor dies, the next comes after {for_s} s"),
         }
     }

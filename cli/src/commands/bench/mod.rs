@@ -1,6 +1,7 @@
 //! `sinew bench`: figures of this machine, with the conditions under which they were taken.
 
 mod channel;
+mod hangs;
 mod idle;
 mod laser;
 mod machine;
@@ -48,7 +49,7 @@ pub struct Args {
     /// Folder of the data that perception and tracking want, with leg-tracker/, csail/, dynabarn/ in it
     #[arg(long, global = true, value_name = "DIR")]
     data: Option<PathBuf>,
-    /// How long idle, reflex, laser, record and supervision measure, as in 20s
+    /// How long idle, reflex, laser, record, supervision and hangs measure, as in 20s
     #[arg(long = "for", global = true, value_name = "TIME")]
     length: Option<String>,
 }
@@ -75,6 +76,8 @@ enum What {
     Record,
     /// From a death, a hang or an emergency stop to what answers it, on the whole live robot
     Supervision,
+    /// Hangs told of a live robot in which nobody hangs, while every core is busy: all of them false
+    Hangs,
     /// All of them, one after another, as without a word
     All,
     /// The answering process of `channel`
@@ -93,6 +96,8 @@ const REFLEX_S: f64 = 20.0;
 const RECORD_S: f64 = 20.0;
 /// Time that deaths are measured, without the emergency stops [s].
 const SUPERVISION_S: f64 = 90.0;
+/// Time that hangs are watched for where nothing is said; the target is about an hour [s].
+const HANGS_S: f64 = 60.0;
 /// Runs the bench and prints what it found.
 pub fn run(args: Args, types: &[NodeType]) -> Result<(), Failure> {
     let length_s = args.length.as_deref().map(parse_seconds).transpose();
@@ -112,6 +117,7 @@ pub fn run(args: Args, types: &[NodeType]) -> Result<(), Failure> {
     let tracking = || tracking::run(args.data.as_deref(), part);
     let record = || record::run(robot, length_s.unwrap_or(RECORD_S * part.max(0.2)), types);
     let supervision = || supervision::run(robot, length_s.unwrap_or(SUPERVISION_S * part), part, types);
+    let hangs = || hangs::run(robot, length_s.unwrap_or(HANGS_S * part), types);
     let benches: Vec<&dyn Fn() -> Result<Report, Failure>> = match &what {
         What::Channel => vec![&channel],
         What::Idle => vec![&idle],
@@ -123,6 +129,7 @@ pub fn run(args: Args, types: &[NodeType]) -> Result<(), Failure> {
         What::Tracking => vec![&tracking],
         What::Record => vec![&record],
         What::Supervision => vec![&supervision],
+        What::Hangs => vec![&hangs],
         What::All => vec![&channel, &idle, &reflex, &laser, &simulate, &simulator, &record],
         What::Partner(partner) => return channel::partner::run(partner),
         What::SimulatorRow(row) => return simulator::row::run(row, types),

@@ -86,6 +86,11 @@ impl Census {
         })
     }
 
+    /// Beats of all nodes so far, of those that live now.
+    pub fn total_beats(&self) -> u64 {
+        (0..self.nodes.len()).filter_map(|node| self.line(&Member::Node(node))).map(|line| line.beats()).sum()
+    }
+
     /// Processes that carry the name of the run, or belong to its tree: what is left after its end is a leak.
     pub fn processes(&self) -> Vec<u32> {
         let mark = format!("SINEW_RUN={}", self.run);

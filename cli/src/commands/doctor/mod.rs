@@ -1,6 +1,7 @@
 //! `sinew doctor`: what this machine lacks for real-time runs and real devices, and what to do about each.
 
 mod devices;
+mod isolation;
 mod kernel;
 mod leftovers;
 mod machine;
@@ -12,7 +13,7 @@ use crate::output::{Out, Paint, Tone, count};
 use machine::Machine;
 use serde::Serialize;
 
-/// Looks this machine over: kernel, real-time rights, memory, serial ports, leftovers
+/// Looks this machine over: kernel, real-time rights, memory, isolation, serial ports, leftovers
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// Prints one JSON object
@@ -66,6 +67,7 @@ pub fn run(args: Args) -> Result<(), Failure> {
         ("kernel", kernel::look(&machine)),
         ("real time", scheduling::look(&machine)),
         ("memory", memory::look(&machine)),
+        ("isolation", isolation::look(&machine)),
         ("devices", devices::look(&machine)),
         ("robots", leftovers::look()),
     ];

@@ -148,7 +148,7 @@ fn recording_of(file: &std::path::Path, seed: u64, several: bool) -> PathBuf {
 }
 
 fn print_faults(out: &mut impl Write, faults: &FaultResult, runs: usize, total: &RunResult) -> std::io::Result<()> {
-    let [deaths, hangs, slowdowns, bursts, stops, supervisor] = faults.injected;
+    let [deaths, hangs, slowdowns, bursts, stops, supervisor, _] = faults.injected;
     let [limps, holds, latched] = faults.limps_holds_stops;
     let [p50, p99, greatest] = faults.recovery_ms;
     writeln!(
@@ -167,6 +167,10 @@ fn print_faults(out: &mut impl Write, faults: &FaultResult, runs: usize, total: 
         "emergency stops let go by themselves: {}; commands to move under one: {}",
         faults.stops_let_go, faults.moves_while_stopped
     )?;
+    let [commands, failed] = faults.commands_and_failed;
+    if commands > 0 {
+        writeln!(out, "commands of reactions: {commands} asked for, none run, {failed} answered as failed")?;
+    }
     match total.failing_seeds.as_slice() {
         [] => writeln!(
             out,

@@ -4,13 +4,14 @@ use std::sync::Arc;
 
 use super::{CallerNumber, Desk};
 use crate::Time;
-use crate::calls::stage::{Cancellation, CommandKind, End, News, Stage};
+use crate::calls::stage::{Cancellation, CommandKind, End, News, Sender, Stage};
 use crate::calls::wire::Kind;
 use crate::calls::{Refusal, RefusalCode};
 
 /// A request that has a place.
 pub(super) struct Booking {
     pub caller: CallerNumber,
+    pub from: Sender,
     pub id: u64,
     pub stage: usize,
     pub place: usize,
@@ -46,12 +47,13 @@ impl Desk {
     pub fn advance(&mut self, now: Time) {
         self.collect();
         self.expire(now);
+        self.chronicle.tell(now);
     }
 
-    /// The next instant at which a request will not have been answered in time.
+    /// The next instant at which a request will not have been answered in time, or the log has more to be told.
     pub fn next_deadline(&self) -> Option<Time> {
         let waiting = self.bookings.iter().filter(|booking| !booking.accepted && !booking.settled);
-        waiting.filter_map(|booking| booking.deadline).min()
+        waiting.filter_map(|booking| booking.deadline).chain(self.chronicle.next()).min()
     }
 
     pub(super) fn cancel(&mut self, caller: CallerNumber, id: u64) {
@@ -74,7 +76,7 @@ impl Desk {
         while index < self.bookings.len() {
             let booking = &mut self.bookings[index];
             let stage = Arc::clone(&self.stages[booking.stage]);
-            let (caller, id, settled) = (booking.caller, booking.id, booking.settled);
+            let (caller, from, id, settled) = (booking.caller, booking.from, booking.id, booking.settled);
             let was_accepted = booking.accepted;
             let (mut replies, mut accepted, mut over) = (Vec::new(), was_accepted, false);
             stage.collect(booking.place, was_accepted, |news| match news {
@@ -98,6 +100,9 @@ impl Desk {
             }
             if !settled {
                 for (kind, hash, body) in replies {
+                    if matches!(kind, Kind::Refused | Kind::Failed) {
+                        self.chronicle.note(&from, stage.command, kind, &Refusal::from_bytes(&body).reason);
+                    }
                     self.reply(caller, kind, id, hash, body);
                 }
             }
@@ -115,8 +120,8 @@ impl Desk {
                 index += 1;
                 continue;
             }
-            let (caller, id) = (booking.caller, booking.id);
-            let doing = self.step.describe(now);
+            let (caller, from, id) = (booking.caller, booking.from, booking.id);
+            let (doing, command) = (self.step.describe(now), stage.command);
             let reason = if stage.withdraw(booking.place) {
                 self.bookings.swap_remove(index);
                 format!("not answered in time: {doing}; the request was withdrawn")
@@ -129,6 +134,7 @@ impl Desk {
                 format!("not answered in time: the node has taken the request but not answered; {doing}")
             };
             let refusal = Refusal::new(RefusalCode::NotInTime, reason);
+            self.chronicle.note(&from, command, Kind::Refused, &refusal.reason);
             self.reply(caller, Kind::Refused, id, 0, refusal.to_bytes());
         }
     }

@@ -2,10 +2,12 @@
 //! gives every caller one last word.
 
 mod bookings;
+mod chronicle;
 
 use std::sync::Arc;
 
 use bookings::Booking;
+use chronicle::Chronicle;
 
 use super::description::{Command, CommandName, Commands};
 use super::stage::{Particulars, Sender, Stage};
@@ -13,6 +15,7 @@ use super::step_watch::StepWatch;
 use super::wire::{COMMAND_BYTES, Header, Kind, MAX_BODY_BYTES, Name};
 use super::{Refusal, RefusalCode};
 use crate::Time;
+use crate::pump::Log;
 
 /// What every node answers without a step.
 pub(crate) const BUILT_IN: [&str; 2] = ["ping", "state"];
@@ -66,6 +69,7 @@ pub(crate) struct Desk {
     arrivals: u64,
     replies: Vec<Reply>,
     news_for_step: bool,
+    chronicle: Chronicle,
 }
 
 impl Desk {
@@ -96,25 +100,38 @@ impl Desk {
             arrivals: 0,
             replies: Vec::new(),
             news_for_step: false,
+            chronicle: Chronicle::new(Arc::new(|_| {})),
         })
+    }
+
+    /// Who hears, as one line each, what was not done.
+    #[must_use]
+    pub fn with_log(mut self, log: Log) -> Desk {
+        self.chronicle = Chronicle::new(log);
+        self
     }
 
     /// Takes a message of `caller`, who is `from`.
     pub fn receive(&mut self, now: Time, caller: CallerNumber, from: Sender, header: &Header, body: &[u8]) {
         match header.kind {
-            Kind::Describe => self.describe(caller, header),
+            Kind::Describe => self.describe(caller, from, header),
             Kind::Request => self.request(now, caller, from, header, body),
             Kind::Cancel => self.cancel(caller, header.id),
             _ => {
                 let reason = format!("{:?} is a node's word, not a caller's", header.kind);
-                self.refuse(caller, header, Refusal::new(RefusalCode::Malformed, reason));
+                self.refuse(caller, from, header, Refusal::new(RefusalCode::Malformed, reason));
             }
         }
     }
 
     /// Answers what cannot even be read.
-    pub fn malformed(&mut self, caller: CallerNumber, reason: String) {
-        self.refuse(caller, &Header::new(Kind::Refused, 0), Refusal::new(RefusalCode::Malformed, reason));
+    pub fn malformed(&mut self, caller: CallerNumber, from: Sender, reason: String) {
+        self.refuse(caller, from, &Header::new(Kind::Refused, 0), Refusal::new(RefusalCode::Malformed, reason));
+    }
+
+    /// Somebody was not even heard.
+    pub fn turned_away(&mut self, from: Sender, reason: &str) {
+        self.chronicle.note(&from, "", Kind::Refused, reason);
     }
 
     /// What is to be sent, once.
@@ -127,20 +144,20 @@ impl Desk {
         std::mem::take(&mut self.news_for_step)
     }
 
-    fn describe(&mut self, caller: CallerNumber, header: &Header) {
+    fn describe(&mut self, caller: CallerNumber, from: Sender, header: &Header) {
         let wanted = header.command.as_str();
         if wanted.is_empty() {
             let commands = self.stages.iter();
             let commands = commands.map(|stage| CommandName { name: stage.command.into(), kind: stage.kind }).collect();
             let built_in = BUILT_IN.map(str::to_owned).into();
             let answer = Commands { node: self.path.clone(), commands, built_in };
-            self.answer_json(caller, header, serde_json::to_string(&answer).unwrap_or_default());
+            self.answer_json(caller, from, header, serde_json::to_string(&answer).unwrap_or_default());
         } else if let Some(stage) = self.stages.iter().find(|stage| stage.command == wanted) {
             let answer = serde_json::to_string(&Command::of(stage)).unwrap_or_default();
-            self.answer_json(caller, header, answer);
+            self.answer_json(caller, from, header, answer);
         } else {
             let refusal = self.unknown(wanted);
-            self.refuse(caller, header, refusal);
+            self.refuse(caller, from, header, refusal);
         }
     }
 
@@ -149,15 +166,15 @@ impl Desk {
             "ping" => {
                 let in_step_s = self.step.in_step_s(now);
                 let pong = serde_json::json!({"node": self.path, "pid": std::process::id(), "in_step_s": in_step_s});
-                self.answer_json(caller, header, pong.to_string());
+                self.answer_json(caller, from, header, pong.to_string());
             }
             "state" => {
                 let state = (self.state.0)();
-                self.answer_json(caller, header, state);
+                self.answer_json(caller, from, header, state);
             }
             _ => {
                 if let Err(refusal) = self.stage(now, caller, from, header, body) {
-                    self.refuse(caller, header, refusal);
+                    self.refuse(caller, from, header, refusal);
                 }
             }
         }
@@ -203,7 +220,7 @@ impl Desk {
             return Err(Refusal::new(RefusalCode::QueueFull, reason));
         };
         let (accepted, settled) = (false, false);
-        self.bookings.push(Booking { caller, id: header.id, stage: index, place, deadline, accepted, settled });
+        self.bookings.push(Booking { caller, from, id: header.id, stage: index, place, deadline, accepted, settled });
         self.news_for_step = true;
         Ok(())
     }
@@ -216,17 +233,18 @@ impl Desk {
         Refusal { nearest: Name::new(nearest), ..Refusal::new(RefusalCode::UnknownCommand, reason) }
     }
 
-    fn answer_json(&mut self, caller: CallerNumber, header: &Header, json: String) {
+    fn answer_json(&mut self, caller: CallerNumber, from: Sender, header: &Header, json: String) {
         match json.len() <= MAX_BODY_BYTES {
             true => self.reply(caller, Kind::Answer, header.id, 0, json.into_bytes()),
             false => {
                 let reason = "the answer is longer than 64 KiB: a defect of the node";
-                self.refuse(caller, header, Refusal::new(RefusalCode::ByNode, reason));
+                self.refuse(caller, from, header, Refusal::new(RefusalCode::ByNode, reason));
             }
         }
     }
 
-    fn refuse(&mut self, caller: CallerNumber, header: &Header, refusal: Refusal) {
+    fn refuse(&mut self, caller: CallerNumber, from: Sender, header: &Header, refusal: Refusal) {
+        self.chronicle.note(&from, header.command.as_str(), Kind::Refused, &refusal.reason);
         self.reply(caller, Kind::Refused, header.id, 0, refusal.to_bytes());
     }
 

@@ -128,6 +128,7 @@ impl Terminal {
         let (master, name) = make_pty().map_err(WhyClosed::from_errno)?;
         let terminal = Terminal { opens: watch_opens(&name).ok(), master, name, link: link.clone() };
         terminal.tidy();
+        share(&terminal.name, link);
         place_link(&terminal.name, link).map_err(WhyClosed::from_errno)?;
         Ok(terminal)
     }
@@ -175,6 +176,20 @@ fn make_pty() -> Result<(OwnedFd, PathBuf), Errno> {
     unlockpt(&master)?;
     let name = ptsname(&master, Vec::new())?;
     Ok((master, PathBuf::from(std::ffi::OsStr::from_bytes(name.as_bytes()))))
+}
+
+/// Whoever the link's folder is shared with may open the terminal: the folder's group, where that is not this process's.
+fn share(name: &Path, link: &Path) {
+    let Some(folder) = link.parent().and_then(|folder| rustix::fs::stat(folder).ok()) else { return };
+    if folder.st_gid == rustix::process::getegid().as_raw() {
+        return;
+    }
+    let group = rustix::fs::Gid::from_raw(folder.st_gid);
+    // Not a member of the group: then the terminal stays this user's alone.
+    if rustix::fs::chownat(rustix::fs::CWD, name, None, Some(group), rustix::fs::AtFlags::empty()).is_ok() {
+        let mode = rustix::fs::Mode::RUSR | rustix::fs::Mode::WUSR | rustix::fs::Mode::RGRP | rustix::fs::Mode::WGRP;
+        let _ = rustix::fs::chmod(name, mode);
+    }
 }
 
 fn watch_opens(name: &Path) -> Result<OwnedFd, Errno> {

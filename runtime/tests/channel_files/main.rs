@@ -1,21 +1,19 @@
 //! What holds for channels in files alone: the file system, other processes, vandals.
 #![allow(clippy::unwrap_used, reason = "tests")]
 
+mod full;
+mod processes;
+
 use std::fs::{self, File, OpenOptions};
-use std::io::{BufRead, BufReader};
 use std::os::unix::fs::{FileExt, MetadataExt, PermissionsExt, symlink};
-use std::os::unix::process::ExitStatusExt;
 use std::path::{Path, PathBuf};
-use std::process::{Child, ChildStderr, Command, Stdio};
 
 use runtime::channel::{
-    ChannelError, Claim, Death, Geometry, Method, PrivateWord, RawReader, RawSample, RawWriter, ReadError,
-    SampleBuffer, Tree, Waiter, Woken,
+    ChannelError, Claim, Geometry, Method, PrivateWord, RawReader, RawSample, RawWriter, ReadError, SampleBuffer, Tree,
+    Waiter, Woken,
 };
 
 const PATH: &str = "/drivers/base/sonar";
-const ROLE: &str = "SINEW_FILES_ROLE";
-const ROOT: &str = "SINEW_FILES_ROOT";
 
 /// A tree of files that vanishes with the test.
 struct Ground {
@@ -366,42 +364,6 @@ fn what_a_maker_left_that_died_is_removed_by_the_next() {
 }
 
 #[test]
-fn a_writer_in_another_process_is_named_and_its_death_frees_the_place() {
-    let ground = Ground::new();
-    let (mut child, mut told) = start("holding_process", &ground.root);
-    assert_eq!(line(&mut told), "holding");
-    let error = ground.tree.writer(PATH, &geometry(), Claim::Continue).err().unwrap();
-    assert!(matches!(error, ChannelError::Held { holder, .. } if holder == Some(child.id())), "{error}");
-    assert!(error.to_string().contains(&format!("process {}", child.id())), "{error}");
-    assert!(matches!(ground.tree.prepare(PATH, &geometry()), Ok(())));
-    assert_eq!(ground.reader().writer_pid(), Some(child.id()));
-    child.kill().unwrap();
-    child.wait().unwrap();
-    assert_eq!(ground.writer().generation(), 2);
-}
-
-#[test]
-fn a_stopped_writer_that_was_fenced_off_finds_out_when_it_goes_on() {
-    let ground = Ground::new();
-    let (mut child, mut told) = start("publishing_process", &ground.root);
-    assert_eq!(line(&mut told), "publishing");
-    let pid = rustix::process::Pid::from_raw(child.id() as i32).unwrap();
-    rustix::process::kill_process(pid, rustix::process::Signal::STOP).unwrap();
-    rustix::process::waitpid(Some(pid), rustix::process::WaitOptions::UNTRACED).unwrap();
-
-    let mut writer = ground.tree.writer(PATH, &geometry(), Claim::Fence).unwrap();
-    let reader = ground.reader();
-    let (head, next) = (reader.head(), writer.next_sequence());
-    assert!(head > 0 && next > head && read(&reader, head).is_ok());
-    rustix::process::kill_process(pid, rustix::process::Signal::CONT).unwrap();
-    assert_eq!(child.wait().unwrap().code(), Some(17), "it learned that it had lost its place");
-
-    assert_eq!(reader.head(), head);
-    writer.publish(1, &[9; 20], &[]);
-    assert_eq!((read(&reader, next).unwrap().generation, reader.writer_pid()), (2, Some(std::process::id())));
-}
-
-#[test]
 fn what_a_fenced_writer_was_just_about_to_show_does_not_count() {
     let ground = Ground::new();
     let mut hanging = ground.writer();
@@ -411,240 +373,6 @@ fn what_a_fenced_writer_was_just_about_to_show_does_not_count() {
     // It had looked whether its place was still its own, and then it hung.
     old_file.write_all_at(&4u64.to_le_bytes(), 256).unwrap();
     assert_eq!((old.head(), read(&old, 4)), (3, Err(ReadError::NotYet)));
-}
-
-#[test]
-fn a_bus_error_elsewhere_still_ends_the_process() {
-    let ground = Ground::new();
-    ground.tree.prepare(PATH, &geometry()).unwrap();
-    let (mut child, mut told) = start("faulting_process", &ground.root);
-    assert_eq!(line(&mut told), "faulting");
-    assert_eq!(child.wait().unwrap().signal(), Some(libc::SIGBUS));
-}
-
-#[test]
-fn a_bus_error_elsewhere_goes_to_the_handler_that_was_there_before() {
-    let ground = Ground::new();
-    ground.tree.prepare(PATH, &geometry()).unwrap();
-    let (mut child, mut told) = start("handling_process", &ground.root);
-    assert_eq!(line(&mut told), "faulting");
-    assert_eq!(child.wait().unwrap().code(), Some(42));
-}
-
-/// In a process of its own: becomes the writer and waits to be killed.
-#[test]
-fn holding_process() {
-    if let Some(tree) = role("holding_process") {
-        let _writer = tree.writer(PATH, &geometry(), Claim::Continue).unwrap();
-        eprintln!("holding");
-        Waiter::new(&PrivateWord::new(), Vec::new()).unwrap().wait(Some(now_ns() + 60_000_000_000));
-    }
-}
-
-/// In a process of its own: publishes until it learns that it lost its place.
-#[test]
-fn publishing_process() {
-    if let Some(tree) = role("publishing_process") {
-        let mut writer = tree.writer(PATH, &geometry(), Claim::Continue).unwrap();
-        writer.publish(1, &[1; 20], &[2; 12_000]);
-        eprintln!("publishing");
-        let end = now_ns() + 60_000_000_000;
-        while now_ns() < end {
-            if writer.publish(1, &[1; 20], &[2; 12_000]).lost {
-                std::process::exit(17);
-            }
-        }
-    }
-}
-
-/// In a process of its own: has rings mapped, and runs into a bus error of its own.
-#[test]
-fn faulting_process() {
-    if let Some(tree) = role("faulting_process") {
-        let _reader = tree.reader(PATH, None).unwrap();
-        touch_a_page_that_is_gone();
-    }
-}
-
-/// The same in a program with a handler of its own.
-#[test]
-fn handling_process() {
-    extern "C" fn leave(_: libc::c_int) {
-        // SAFETY: _exit is async-signal-safe.
-        unsafe { libc::_exit(42) }
-    }
-    if let Some(tree) = role("handling_process") {
-        let handler = leave as extern "C" fn(libc::c_int);
-        // SAFETY: a handler of the right signature, which only calls what a handler may.
-        unsafe { libc::signal(libc::SIGBUS, handler as *const () as libc::sighandler_t) };
-        let _reader = tree.reader(PATH, None).unwrap();
-        touch_a_page_that_is_gone();
-    }
-}
-
-fn touch_a_page_that_is_gone() {
-    let file = tempfile::tempfile().unwrap();
-    file.set_len(4096).unwrap();
-    // SAFETY: a fresh mapping that nothing else uses; reading it ends the process, which is what is wanted.
-    unsafe {
-        use rustix::mm::{MapFlags, ProtFlags};
-        let map = rustix::mm::mmap(std::ptr::null_mut(), 4096, ProtFlags::READ, MapFlags::SHARED, &file, 0).unwrap();
-        file.set_len(0).unwrap();
-        eprintln!("faulting");
-        std::ptr::read_volatile(map.cast::<u8>());
-    }
-}
-
-#[test]
-fn a_full_file_system_is_an_error_with_numbers_and_never_a_signal() {
-    let Some(report) = in_a_file_system_of_its_own("full_process") else { return };
-    assert_eq!(report, "done");
-}
-
-/// In a process and mount namespace of its own: a /dev/shm of 64 MB as containers have it, and a tiny one.
-#[test]
-fn full_process() {
-    if role("full_process").is_none() {
-        return;
-    }
-    let folder = PathBuf::from(std::env::var_os(ROOT).unwrap());
-    for (size, image_bytes) in [("64m", 1 << 20), ("64k", 1 << 11), ("8k", 1 << 10), ("4k", 0)] {
-        let place = folder.join(size);
-        fs::create_dir_all(&place).unwrap();
-        if !mount_tmpfs(&place, size) {
-            eprintln!("skipped: mount refused ({})", std::io::Error::last_os_error());
-            return;
-        }
-        let tree = Tree::shared(&place.join("robot")).unwrap();
-        let image = Geometry { tail_element_bytes: 1, tail_capacity: image_bytes, ..geometry() };
-        let mut writers = Vec::new();
-        let error = loop {
-            let path = format!("/camera/image_{}", writers.len());
-            match tree.writer(&path, &image, Claim::Continue) {
-                Ok(writer) => writers.push(writer),
-                Err(error) => break error,
-            }
-            assert!(writers.len() < 1000, "a file system of {size} holds whatever one likes");
-        };
-        let text = error.to_string();
-        let ChannelError::NoSpace { path, wanted_bytes, free_bytes } = error else { panic!("{text}") };
-        assert!(wanted_bytes > free_bytes, "{text}");
-        assert!(text.contains(&path) && text.contains(&wanted_bytes.to_string()) && text.contains("depth"), "{text}");
-        assert_eq!(writers.is_empty(), size == "8k" || size == "4k", "{size}");
-
-        // What there is works to the last byte.
-        let tail = vec![0x5a; image_bytes];
-        for writer in &mut writers {
-            (0..10).for_each(|n| assert!(!writer.publish(n, &[1; 20], &tail).lost));
-        }
-        for index in 0..writers.len() {
-            let reader = tree.reader(&format!("/camera/image_{index}"), None).unwrap();
-            let mut buffer = SampleBuffer::new(reader.geometry());
-            (7..=10).for_each(|sequence| assert!(reader.read(sequence, &mut buffer).is_ok()));
-            assert_eq!(buffer.tail(), tail);
-        }
-        // The refused one has left nothing, neither has a refused growth.
-        assert_eq!(tree.list().unwrap().len(), writers.len());
-        if let Ok(folder) = fs::read_dir(place.join("robot/camera")) {
-            let mut names = folder.map(|entry| entry.unwrap().file_name().into_string().unwrap());
-            assert!(!names.any(|name| name.ends_with(".new")), "the unfinished ring is still there");
-        }
-        if let Some(writer) = writers.pop() {
-            writer.die_publishing(Death::BeforeWake, 11, &[2; 20], &tail);
-            let path = format!("/camera/image_{}", writers.len());
-            let deeper = Geometry { depth: 400, ..image.clone() };
-            assert!(matches!(tree.writer(&path, &deeper, Claim::Continue), Err(ChannelError::NoSpace { .. })));
-            let fenced = tree.writer("/camera/image_0", &deeper, Claim::Fence);
-            assert!(matches!(fenced, Err(ChannelError::NoSpace { .. })));
-            assert!(writers.iter().all(|writer| !writer.lost()), "a fence that failed takes nothing away");
-            let reader = tree.reader(&path, None).unwrap();
-            assert!(!reader.retired());
-            assert_eq!((reader.head(), read(&reader, 11).unwrap().stamp_ns), (11, 11));
-            let mut writer = tree.writer(&path, &image, Claim::Continue).unwrap();
-            assert_eq!(writer.publish(12, &[], &[]).sequence, 12);
-            assert!(read(&reader, 12).is_ok());
-            if !writers.is_empty() {
-                let held = tree.writer("/camera/image_0", &image, Claim::Continue);
-                assert!(matches!(held, Err(ChannelError::Held { .. })));
-            }
-        }
-    }
-    eprintln!("done");
-}
-
-fn mount_tmpfs(at: &Path, size: &str) -> bool {
-    let c = |text: &str| std::ffi::CString::new(text).unwrap();
-    let (none, target, kind, options) = (c("none"), c(at.to_str().unwrap()), c("tmpfs"), c(&format!("size={size}")));
-    // SAFETY: all pointers are to live C strings; the namespace is this process's own.
-    unsafe {
-        libc::mount(none.as_ptr(), c"/".as_ptr(), std::ptr::null(), libc::MS_REC | libc::MS_PRIVATE, std::ptr::null());
-        libc::mount(none.as_ptr(), target.as_ptr(), kind.as_ptr(), 0, options.as_ptr().cast()) == 0
-    }
-}
-
-/// Runs `role` in a mount namespace of its own, made as root or in a user namespace; `None`, with the reason printed,
-/// where neither is permitted.
-fn in_a_file_system_of_its_own(role: &str) -> Option<String> {
-    use std::os::unix::process::CommandExt;
-    let folder = tempfile::tempdir().unwrap();
-    let mut command = command(role, folder.path());
-    let users = format!("0 {} 1", rustix::process::geteuid().as_raw());
-    let groups = format!("0 {} 1", rustix::process::getegid().as_raw());
-    // SAFETY: between fork and exec only system calls run.
-    unsafe {
-        command.pre_exec(move || {
-            if libc::unshare(libc::CLONE_NEWNS) == 0 {
-                return Ok(());
-            }
-            if libc::unshare(libc::CLONE_NEWUSER | libc::CLONE_NEWNS) != 0 {
-                return Err(std::io::Error::last_os_error());
-            }
-            fs::write("/proc/self/uid_map", &users)?;
-            fs::write("/proc/self/setgroups", "deny")?;
-            fs::write("/proc/self/gid_map", &groups)
-        });
-    }
-    let mut child = match command.spawn() {
-        Ok(child) => child,
-        Err(refusal) => {
-            println!("skipped: no mount namespace can be made here ({refusal})");
-            return None;
-        }
-    };
-    let lines: Vec<String> = BufReader::new(child.stderr.take().unwrap()).lines().map_while(Result::ok).collect();
-    let status = child.wait().unwrap();
-    let last = lines.iter().find(|line| *line == "done" || line.starts_with("skipped")).cloned();
-    assert!(status.success(), "{status}: {}", lines.join("\n"));
-    let last = last.expect("the process says how it went");
-    if last.starts_with("skipped") {
-        println!("{last}");
-        return None;
-    }
-    Some(last)
-}
-
-fn command(role: &str, root: &Path) -> Command {
-    let mut command = Command::new(std::env::current_exe().unwrap());
-    command.args(["--exact", role, "--nocapture", "--test-threads=1"]).env(ROLE, role).env(ROOT, root);
-    command.env("RUST_BACKTRACE", "0").stdout(Stdio::null()).stderr(Stdio::piped());
-    command
-}
-
-fn start(role: &str, root: &Path) -> (Child, BufReader<ChildStderr>) {
-    let mut child = command(role, root).spawn().unwrap();
-    let told = BufReader::new(child.stderr.take().unwrap());
-    (child, told)
-}
-
-fn line(from: &mut BufReader<ChildStderr>) -> String {
-    let mut line = String::new();
-    from.read_line(&mut line).unwrap();
-    line.trim_end().to_owned()
-}
-
-fn role(mine: &str) -> Option<Tree> {
-    let playing = std::env::var(ROLE).is_ok_and(|role| role == mine);
-    playing.then(|| Tree::shared(Path::new(&std::env::var_os(ROOT).unwrap())).unwrap())
 }
 
 fn names(folder: &Path) -> Vec<String> {
