@@ -61,7 +61,7 @@ pub struct Mover {
 }
 
 /// How fast the robot may be and become.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Limits {
     /// Greatest forward speed [m/s].
     pub forward_m_s: f64,
@@ -78,7 +78,7 @@ pub struct Limits {
 }
 
 /// What counts how much.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Weights {
     /// Steps of a plan.
     pub steps: usize,
@@ -192,16 +192,25 @@ impl Scene<'_> {
             .fold(outline.gap_m(frame.inner(middle)), f64::min)
     }
 
-    /// Gap between the outline at `frame` and the nearest mover `after_s` from now; +∞ without movers [m].
+    /// Gap between the outline at `frame` and the nearest mover `after_s` from now; +∞ where none is nearer than counts [m].
     pub fn mover_gap_m(&self, frame: &Frame, after_s: f64) -> f64 {
         let grown_m = self.weights.mover_growth_m_s * after_s;
-        self.movers
-            .iter()
-            .map(|mover| {
-                let place = mover.place.plus(mover.velocity, after_s);
-                self.outline.gap_m(frame.inner(place)) - mover.radius_m - grown_m
-            })
-            .fold(f64::INFINITY, f64::min)
+        let radius_m = self.outline.radius_m();
+        let mut least_m = self.weights.mover_near_m.max(self.weights.mover_margin_m);
+        let mut gap_m = f64::INFINITY;
+        for mover in self.movers {
+            let place = mover.place.plus(mover.velocity, after_s);
+            // The circle about the outline is nearer than the outline: beyond this it need not be known exactly.
+            let reach_m = least_m + radius_m + mover.radius_m + grown_m;
+            if frame.place.to(place).squared() >= reach_m * reach_m {
+                continue;
+            }
+            let found_m = self.outline.gap_m(frame.inner(place)) - mover.radius_m - grown_m;
+            if found_m < least_m {
+                (least_m, gap_m) = (found_m, found_m);
+            }
+        }
+        gap_m
     }
 
     /// Carries `plan` out from `state`, which holds `delay_s` from now.
@@ -278,6 +287,47 @@ mod tests {
         {
             assert!((JACKAL.gap_m(Point::new(x, y)) - gap).abs() < 1e-12, "{x} {y}");
         }
+    }
+
+    #[test]
+    fn the_gap_to_movers_is_exact_where_it_counts_and_infinite_beyond() {
+        let weights = Weights { mover_near_m: 0.6, mover_growth_m_s: 0.1, ..Weights::default() };
+        let movers: Vec<Mover> = (0..12)
+            .map(|k| {
+                let (sin, cos) = runtime::math::sin_cos(0.7 * f64::from(k));
+                let (place, velocity) =
+                    (Point::new(0.3 * f64::from(k) * cos, 0.3 * f64::from(k) * sin), Point::new(-sin, cos));
+                Mover { place, velocity, radius_m: 0.1 + 0.03 * f64::from(k), ..Mover::default() }
+            })
+            .collect();
+        let (clearance, guide) = (Clearance::new(8, 0.1), Guide::new(8));
+        let (mut near, mut far) = (0, 0);
+        for step in 0..400 {
+            let (x_m, y_m) = (0.4 * f64::from(step % 20) - 4.0, 0.4 * f64::from(step / 20) - 4.0);
+            let (frame, after_s) = (Pose::new(x_m, y_m, 0.1 * f64::from(step)).frame(), 0.004 * f64::from(step));
+            let scene = Scene {
+                clearance: &clearance,
+                guide: &guide,
+                movers: &movers,
+                outline: JACKAL,
+                limits: Limits::default(),
+                weights,
+                goal: Point::default(),
+            };
+            let exact = movers
+                .iter()
+                .map(|m| JACKAL.gap_m(frame.inner(m.place.plus(m.velocity, after_s))) - m.radius_m - 0.1 * after_s)
+                .fold(f64::INFINITY, f64::min);
+            let found = scene.mover_gap_m(&frame, after_s);
+            if exact < weights.mover_near_m {
+                assert_eq!(found, exact);
+                near += 1;
+            } else {
+                assert_eq!(found, f64::INFINITY, "{exact}");
+                far += 1;
+            }
+        }
+        assert!(near > 50 && far > 50, "{near} {far}");
     }
 
     #[test]
