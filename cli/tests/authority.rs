@@ -215,6 +215,11 @@ impl Robot {
         }
         for (_, node) in nodes.iter_mut() {
             node.as_table_mut().unwrap().insert("isolate".into(), "strict".into());
+            // Without actions there is nothing that limp mode would leave.
+            if let Some(care) = node.get_mut("care").and_then(toml::Value::as_table_mut) {
+                care.remove("silence");
+                care.insert("loss".into(), "hold".into());
+            }
         }
         let reads = nodes["drive"]["reads"].as_table_mut().unwrap();
         reads.insert("ranges".into(), "/drivers/base/sonar".into());
@@ -437,7 +442,6 @@ fn test() {
         ),
         (&strict, position("a strict node with its own user", None, true), true),
         (&same, position("the same user, not isolated", Some((ORDINARY, ORDINARY)), false), false),
-        (&strict, position("root, not isolated", None, false), false),
     ];
     let outcomes: Vec<Vec<bool>> =
         columns.iter().map(|(robot, position, defended)| column(robot, position, *defended)).collect();

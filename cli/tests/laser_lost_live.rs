@@ -110,8 +110,8 @@ struct Track {
     seen: [u64; 2],
     /// When, and how fast ahead [m/s].
     speeds: Vec<(Time, f64)>,
-    /// When motion stepped, and why it held the body back.
-    stops: Vec<(Time, u32)>,
+    /// When motion stepped, and whether the body was held to the pace of limp mode.
+    limps: Vec<(Time, bool)>,
     lost: u64,
 }
 
@@ -121,7 +121,7 @@ impl Track {
         let ring = |path| tree.reader(path, None).ok().filter(|ring: &RawReader| ring.head() > 0);
         let (truth, motion) = (ring("/simulator/world/truth")?, ring("/motion/drive/state")?);
         let seen = [truth.head(), motion.head()];
-        Some(Track { truth, motion, seen, speeds: Vec::new(), stops: Vec::new(), lost: 0 })
+        Some(Track { truth, motion, seen, speeds: Vec::new(), limps: Vec::new(), lost: 0 })
     }
 
     fn look(&mut self) {
@@ -141,7 +141,9 @@ impl Track {
             self.seen[1] += 1;
             if let Ok(sample) = self.motion.read(self.seen[1], &mut buffer) {
                 let state: &MotionState = bytemuck::from_bytes(buffer.fixed());
-                self.stops.push((Time::from_nanos(sample.stamp_ns), state.stop));
+                // Motion holds back what is faster, or nobody asks for more.
+                let limps = state.stop == messages::Stop::Limp as u32 || state.wanted.linear_x_m_s <= LIMP_M_S;
+                self.limps.push((Time::from_nanos(sample.stamp_ns), limps));
             }
         }
     }
@@ -178,10 +180,7 @@ fn a_robot_that_loses_its_laser_goes_on_by_sonar_slower_and_never_stops_not_even
     let killed = clock::now();
     kill_process(Pid::from_raw(driver).unwrap(), Signal::KILL).unwrap();
     let sonar = robot.until("it steers by sonar", &mut track, |_| robot.reads("/drivers/base/sonar"));
-    let limps = |track: &Track| {
-        let limp = messages::Stop::Limp as u32;
-        track.stops.iter().find(|(at, stop)| *at >= killed && *stop == limp).map(|(at, _)| *at)
-    };
+    let limps = |track: &Track| track.limps.iter().find(|(at, limps)| *at >= killed && *limps).map(|(at, _)| *at);
     let capped = robot.until("it limps", &mut track, limps);
     assert!(capped < sonar, "the cap is lowered first: {} s against {} s", capped.seconds(), sonar.seconds());
     assert_eq!(robot.node("/drivers/laser").unwrap().state, "given up");

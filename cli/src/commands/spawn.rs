@@ -283,7 +283,7 @@ fn edited(launch: &Launch, name: &str, table: &toml::Table) -> Result<(PathBuf, 
     let written = toml::to_string(table).map_err(|e| refused(&e))?;
     let node: toml_edit::DocumentMut = written.parse().map_err(|e: toml_edit::TomlError| refused(&e))?;
     let nodes = &mut document["nodes"];
-    if !nodes.is_table_like() || !nodes[name].is_none() {
+    if !nodes.is_table_like() || nodes.get(name).is_some() {
         return Err(refused(&format!("\"nodes.{name}\" cannot be added")));
     }
     nodes[name] = toml_edit::Item::Table(node.as_table().clone());

@@ -1,6 +1,7 @@
 //! Overload: too little time on the processors for what all nodes ask for, and what is given up for it.
 //!
-//! The load is what the nodes take at their present periods ([`super::demand`]) and what others take on the machine.
+//! The load is what the nodes take at their present periods ([`super::demand`]). What others take on the machine is told
+//! with it, but is no overload by itself: the nodes go first, and where they do not, their deadlines show it.
 //! Above `most`, or where important nodes go on missing deadlines on a busy machine, periods are stretched until `aim`
 //! is kept; then nodes are suspended; then the robot limps. When there would be room at `aim` for all of `calm_s`, it is
 //! given back, and `calm_s` doubles each time that this was too early, so that nothing flaps.
@@ -144,7 +145,7 @@ impl Overload {
         let foreign = Some(load.busy_processors - used).filter(|foreign| *foreign > 0.0).unwrap_or(0.0);
         let present: f64 = self.demands.iter().map(Demand::present).sum();
         let all = load.processors.max(1.0);
-        let most = all * self.config.most - foreign;
+        let most = all * self.config.most;
         self.over = if present > most { self.over + 1 } else { 0 };
         let critical = self.demands.iter().filter(|node| node.importance >= self.config.critical);
         let misses = critical.map(|node| node.misses).sum::<u64>() > 0 && present + foreign > BUSY * all;
@@ -155,12 +156,12 @@ impl Overload {
             }
             let cause = if self.over >= LOOKS { "load" } else { "missed deadlines at load" };
             (self.over, self.missing) = (0, 0);
-            self.take_away(now, cause, present + foreign, all, foreign);
+            self.take_away(now, cause, present + foreign, all);
         } else if rule_changed {
-            self.plan(all, foreign, self.squeeze);
+            self.plan(all, self.squeeze);
             self.decide(format_args!("asked by the rule"));
         } else {
-            self.give_back(now, present + foreign, all, foreign, misses);
+            self.give_back(now, present + foreign, all, misses);
         }
         self.limp(now, most);
     }
@@ -190,13 +191,12 @@ impl Overload {
         changed
     }
 
-    fn plan(&mut self, all: f64, foreign: f64, squeeze: f64) -> f64 {
-        let wanted = (all * self.config.aim * squeeze - foreign).max(0.0);
-        self.planner.plan(&self.demands, wanted, self.config.suspend_below)
+    fn plan(&mut self, all: f64, squeeze: f64) -> f64 {
+        self.planner.plan(&self.demands, all * self.config.aim * squeeze, self.config.suspend_below)
     }
 
-    fn take_away(&mut self, now: Time, cause: &str, load: f64, all: f64, foreign: f64) {
-        self.plan(all, foreign, self.squeeze);
+    fn take_away(&mut self, now: Time, cause: &str, load: f64, all: f64) {
+        self.plan(all, self.squeeze);
         if self.decide(format_args!("{cause} {load:.2} of {all:.0}")) {
             let early = self.given_back.is_some_and(|back| now.since(back) < TOO_EARLY * self.calm_s);
             self.calm_s = if early { (2.0 * self.calm_s).min(LONGEST_CALM_S) } else { self.config.calm_s };
@@ -204,9 +204,9 @@ impl Overload {
         self.room_since = None;
     }
 
-    fn give_back(&mut self, now: Time, load: f64, all: f64, foreign: f64, misses: bool) {
+    fn give_back(&mut self, now: Time, load: f64, all: f64, misses: bool) {
         let squeeze = (self.squeeze / SQUEEZE).min(1.0);
-        self.plan(all, foreign, squeeze);
+        self.plan(all, squeeze);
         let given = self.demands.iter().zip(&self.planner.given);
         let shorter = |(node, given): (&Demand, &Given)| {
             !given.suspended && (node.suspended || given.period_s < (1.0 - WORTH) * node.period_s)

@@ -20,6 +20,8 @@ pub(super) struct Governed {
     pub due: Time,
     load: RawWriter,
     told: Vec<NodeLoad>,
+    /// Each node's entry without its counters.
+    entries: Vec<NodeLoad>,
     /// What each node hears, where it has a period.
     ears: Vec<Option<Announced>>,
     /// Computed by all nodes when it was told before [ns].
@@ -39,6 +41,7 @@ impl Governed {
             due: start.after_s(TELL_S),
             load,
             told: Vec::with_capacity(robot.nodes.len()),
+            entries: robot.nodes.iter().map(entry).collect(),
             ears: robot.nodes.iter().map(|spec| Announced::of(robot, spec)).collect(),
             busy_ns: 0,
         }))
@@ -60,7 +63,7 @@ fn entry(spec: &NodeSpec) -> NodeLoad {
 }
 
 impl Slot {
-    fn load(&self) -> NodeLoad {
+    fn load(&self, entry: &NodeLoad) -> NodeLoad {
         let work = self.running.as_ref().map(|running| running.counted.work()).unwrap_or_default();
         NodeLoad {
             steps: work.steps,
@@ -68,7 +71,7 @@ impl Slot {
             missed_deadlines: work.missed_deadlines,
             processors: f64::NAN,
             resident_bytes: f64::NAN,
-            ..entry(&self.spec)
+            ..*entry
         }
     }
 }
@@ -80,8 +83,9 @@ impl SimulatedHost {
         governed.due = governed.due.after_s(TELL_S);
         governed.told.clear();
         // The world costs the robot nothing.
-        let robots = self.slots.iter().filter(|slot| slot.spec.kind.layer != crate::Layer::Simulator);
-        governed.told.extend(robots.map(Slot::load).take(LOAD_NODES));
+        let robots = self.slots.iter().zip(&governed.entries);
+        let robots = robots.filter(|(slot, _)| slot.spec.kind.layer != crate::Layer::Simulator);
+        governed.told.extend(robots.map(|(slot, entry)| slot.load(entry)).take(LOAD_NODES));
         let busy_ns: u64 = governed.told.iter().map(|node| node.busy_ns).sum();
         let busy_processors = busy_ns.saturating_sub(governed.busy_ns) as f64 * 1e-9 / TELL_S;
         governed.busy_ns = busy_ns;
