@@ -146,9 +146,11 @@ mod tests {
     #[test]
     fn a_folder_that_others_cannot_read_is_held_by_the_names_in_it() {
         let folder = tempfile::tempdir().unwrap();
+        let own = std::os::unix::fs::PermissionsExt::from_mode(0o700);
+        std::fs::set_permissions(folder.path(), own).unwrap();
         std::fs::create_dir(folder.path().join("worlds")).unwrap();
         std::fs::write(folder.path().join("worlds/office.toml"), "walls").unwrap();
-        assert!(!readable_by_all(folder.path()), "temporary folders are their owner's");
+        assert!(!readable_by_all(folder.path()), "it is its owner's");
         assert_eq!(held(folder.path()), BTreeMap::from([("worlds/office.toml".to_owned(), b"walls".to_vec())]));
     }
 
