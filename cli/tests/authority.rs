@@ -63,7 +63,7 @@ struct Position {
 
 fn main() -> ExitCode {
     let words: Vec<String> = std::env::args().skip(1).collect();
-    let tree = ["run", "down", "node", "tree", "supervise", guard::ROOT_WORD, guard::GUARD_WORD];
+    let tree = ["run", "down", "spawn", "node", "tree", "supervise", guard::ROOT_WORD, guard::GUARD_WORD];
     match words.first().map(String::as_str) {
         Some(word) if tree.contains(&word) => sinew::main(&[]),
         Some("attack") => attack(&words[1..]),
@@ -427,6 +427,13 @@ fn test() {
     }
     let strict = Robot::start("root", None);
     strict.is_confined(true);
+    let spawn = ["spawn", "forward", "--at", "creep", "--period", "400", "--budget", "0.01", "--read"];
+    let spawned = strict.command(&[&spawn[..], &["ranges=/drivers/base/sonar"]].concat()).output().unwrap();
+    let said = String::from_utf8_lossy(&spawned.stderr);
+    assert!(
+        !spawned.status.success() && said.contains("isolated by users"),
+        "a newcomer has no user of its own: {said}"
+    );
     let ownership = Ownership::of(&robot_of(&strict.file)).unwrap();
     let node = ownership.nodes[NODE].clone();
     let same = Robot::start("user", Some(ORDINARY));

@@ -66,6 +66,14 @@ pub fn run(args: &Args, types: &[NodeType]) -> Result<(), Failure> {
     let _one_at_a_time = lock(&live.folder)?;
     let before = Launch::read(&live.folder)?;
     let robot = before.robot(types)?;
+    if supervisor::isolation::Ownership::of(&robot).is_some() {
+        let text = format!(
+            "robot \"{}\" is isolated by users, and a spawned node would have another's: name it in the robot file, or take \
+             isolate away",
+            robot.name
+        );
+        return Err(Failure::new(FAILED, text));
+    }
     let (text, graph) = with_node(&before, &robot, &name, &table, types)?;
     let spec = graph.nodes.iter().find(|node| node.spec.instance == name).map(|node| &node.spec);
     let spec =
